@@ -1,1 +1,1 @@
-"""Contradictions of a result: causes in the rig or its declaration, each with evidence, size and cure; held-out runs."""
+"""Contradictions of a result: causes in the rig or its declaration, with evidence, size and cure; held-out runs."""

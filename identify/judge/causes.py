@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.joint.predicted_wrench import PredictedWrench
+from identify.judge.findings import Finding
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
 from identify.signals.resample import uniform_spline
 
@@ -14,7 +15,7 @@ from identify.signals.resample import uniform_spline
 class Cause(NamedTuple):
     """Signals that a cause makes, and the size that it may well have."""
 
-    name: str
+    finding: Finding
     columns: Float[np.ndarray, "n 6 p"]
     """Change of the measured wrench by a unit of each of p coefficients, at n instants."""
     size: Float[np.ndarray, " p"]
@@ -28,14 +29,14 @@ def causes(run: PredictedWrench, *, free: frozenset[str]) -> list[Cause]:
         run: at its best.
         free: names of unknowns of which nothing is declared: these are no news.
     """
-    made = [Cause(name, *make(run)) for name, make in MAKERS.items() if OF_UNKNOWN.get(name) not in free]
+    made = [Cause(finding, *make(run)) for finding, make in SIGNALS.items() if UNKNOWNS.get(finding) not in free]
     return [cause for cause in map(_acting, made) if len(cause.size)]
 
 
 def _acting(cause: Cause) -> Cause:
     """A cause without the coefficients that do nothing."""
     acting = (np.abs(cause.columns).max(axis=(0, 1)) > 0) & (cause.size > 0)
-    return Cause(cause.name, cause.columns[:, :, acting], cause.size[acting])
+    return Cause(cause.finding, cause.columns[:, :, acting], cause.size[acting])
 
 
 Made = tuple[np.ndarray, np.ndarray]
@@ -189,33 +190,35 @@ def _mass(run: PredictedWrench) -> Made:
     return run.of("mass"), 0.02 * np.abs(run.x["mass"])
 
 
-OF_UNKNOWN = {"delay": "delay", "rotation": "rotation", "mass": "mass", "centre of gravity": "r_cg",
-              "still missed": "cg_from_still", "gyro axes": "gyro_axes"}  # fmt: skip
+UNKNOWNS = {
+    Finding.DELAY: "delay", Finding.ROTATION: "rotation", Finding.MASS: "mass", Finding.CENTRE: "r_cg",
+    Finding.STILL_MISSED: "cg_from_still", Finding.GYRO_AXES: "gyro_axes",
+}  # fmt: skip
 """Causes that are one unknown of the joint model, and the gyro's axes alone."""
-MAKERS: dict[str, Callable[[PredictedWrench], Made]] = {
-    "delay": _unknown(("delay", 0.005)),
-    "rotation": _unknown(("rotation", 0.03)),
-    "centre of gravity": _unknown(("r_cg", 0.003)),
-    "mass": _mass,
-    "still missed": _unknown(("cg_from_still", 0.02)),
-    "gyro scale": _unknown(("gyro_scale", 0.005)),
-    "gyro bias": _unknown(("gyro_drift", 0.001)),
-    "gyro axes": _gyro_axes,
-    "gyro g-sensitivity": _gyro_g,
-    "gain": _matrix(lambda i, j: i == j, 0.005),
-    "cross-talk": _matrix(lambda i, j: i != j, 0.01),
-    "drift": _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
-    "jump": _wrench(_jump, 0.02),
-    "slip": _slip,
-    "gain drift": _wrench(_gain_drift, 0.005),
-    "cable": _wrench(_cable, 0.02),
-    "air": _wrench(_air, 0.02),
-    "flexible mounting": _wrench(_flexible, 0.01),
-    "tensor": _wrench(_moving, 0.01),
-    "accelerometer place": _accelerometer_place,
-    "accelerometer scale": lambda run: (accelerometer_scale(run), np.full(3, 0.005)),
-    "clock": _clock,
-    "filter": _wrench(_late, 0.02),
-    "nonlinearity": _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
+SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
+    Finding.DELAY: _unknown(("delay", 0.005)),
+    Finding.ROTATION: _unknown(("rotation", 0.03)),
+    Finding.CENTRE: _unknown(("r_cg", 0.003)),
+    Finding.MASS: _mass,
+    Finding.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
+    Finding.GYRO_SCALE: _unknown(("gyro_scale", 0.005)),
+    Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
+    Finding.GYRO_AXES: _gyro_axes,
+    Finding.GYRO_G: _gyro_g,
+    Finding.GAIN: _matrix(lambda i, j: i == j, 0.005),
+    Finding.CROSS_TALK: _matrix(lambda i, j: i != j, 0.01),
+    Finding.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
+    Finding.JUMP: _wrench(_jump, 0.02),
+    Finding.SLIP: _slip,
+    Finding.GAIN_DRIFT: _wrench(_gain_drift, 0.005),
+    Finding.CABLE: _wrench(_cable, 0.02),
+    Finding.AIR: _wrench(_air, 0.02),
+    Finding.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
+    Finding.TENSOR: _wrench(_moving, 0.01),
+    Finding.ACCELEROMETER_PLACE: _accelerometer_place,
+    Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, 0.005)),
+    Finding.CLOCK: _clock,
+    Finding.FILTER: _wrench(_late, 0.02),
+    Finding.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
 }
-"""Functions that make the signals of a cause, by the cause's name."""
+"""Functions that make the signals of each cause."""

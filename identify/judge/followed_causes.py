@@ -34,6 +34,18 @@ class FollowedCause(NamedTuple):
     shift: np.ndarray
     """Error that the cause makes in the joint model's packed tensor [kg·m²]."""
 
+    def sentence(self, quantity: str) -> str:
+        """Return what the residuals follow, and the cure.
+
+        Args:
+            quantity: words for what was measured: force and moment, or the moment alone.
+        """
+        finding, size = self.evidence.cause.finding, self.evidence.cause.size
+        spread = size * np.sqrt(np.maximum(np.diag(self.evidence.covariance), 0.0))
+        also = f"; as probable: {', '.join(self.rivals)}" if self.rivals else ""
+        verb = "looks" if quantity == "the moment" else "look"
+        return f"{quantity} {verb} {finding.phrase(size * self.evidence.coefficients, spread)}{also}; {finding.cure}"
+
 
 class Judgement(NamedTuple):
     """Causes that a run's residuals follow, and the rest that none explains."""
@@ -75,10 +87,12 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         if named and power < ECHO * first:
             break
         first = first or power
-        rivals = tuple(e.cause.name for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR)
+        rivals = tuple(
+            e.cause.finding.label for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR
+        )
         named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
         base = base.taking(best.columns, best.coefficients)
-        open_to = [each for each in open_to if each[0].name != best.cause.name]
+        open_to = [each for each in open_to if each[0].finding is not best.cause.finding]
     prediction = run.prediction
     above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))

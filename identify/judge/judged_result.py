@@ -9,7 +9,7 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import PriorBlock, error_blocks
 from identify.joint.single_run import Setting
-from identify.judge.findings import sentence, signed
+from identify.judge.findings import Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import by_held_errors
 from identify.judge.resonance import ResonancePeak, resonance
@@ -40,7 +40,7 @@ FLAT = 10
 """Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
-OF_ACCELEROMETER = frozenset({"accelerometer place", "accelerometer scale"})
+OF_ACCELEROMETER = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -99,13 +99,13 @@ def _of_run(
     """Verdicts of one run, and the sum of the shifts that they stand for."""
     if not fits:
         return _saturated(run), np.zeros(6)
-    named: dict[str, FollowedCause] = {}
+    named: dict[Finding, FollowedCause] = {}
     judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
     for judgement in judgements:
         for cause in judgement.causes:
-            named.setdefault(cause.evidence.cause.name, cause)
+            named.setdefault(cause.evidence.cause.finding, cause)
     if result.method != "joint":
-        named = {name: cause for name, cause in named.items() if name not in OF_ACCELEROMETER}
+        named = {finding: cause for finding, cause in named.items() if finding not in OF_ACCELEROMETER}
     left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
     verdicts, total, quantity = _saturated(run), np.zeros(6), fits[0].prediction.quantity
     for cause in named.values():
@@ -116,13 +116,13 @@ def _of_run(
         if small and left_over < UNEXPLAINED:
             continue
         text = (
-            f"{run.name}: {sentence(cause.evidence, cause.rivals, quantity)}; it would move {COMPONENTS[worst]} by "
+            f"{run.name}: {cause.sentence(quantity)}; it would move {COMPONENTS[worst]} by "
             f"{signed(GRAM_METRE * shift[worst])} g·m²"
         )
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
         verdicts.append(
             ResidualCause(
-                cause=cause.evidence.cause.name,
+                cause=cause.evidence.cause.finding.label,
                 axis=f"b{axis + 1}",
                 share=cause.evidence.share,
                 text=text,
@@ -133,9 +133,7 @@ def _of_run(
     if not named and not verdicts:
         apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
         if apart.clear:
-            verdicts.append(
-                ResidualCause(cause="least squares", axis="", share=0.0, text=f"{run.name}: {apart.text}", run=run.name)
-            )
+            verdicts.append(apart.cause(run.name))
             total = np.hypot(total, apart.value)
     lines = [] if result.method == "joint" else lines_of(run, result)
     if left_over > UNEXPLAINED:
@@ -151,12 +149,8 @@ def _of_run(
 
 def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
-    on, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
-    text = (
-        f"{run.name}: the {quantity} on {on} leaves {left_over:.1f} times what noise explains "
-        "where the motion is: something that is none of the causes looked for; the interval is that much wider"
-    )
-    return ResidualCause(cause="unexplained", axis=on, share=1 - left_over**-2, text=text, run=run.name)
+    axis, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
+    return Finding.UNEXPLAINED.cause(run.name, axis=axis, share=1 - left_over**-2, quantity=quantity, ratio=left_over)
 
 
 def _adds(of_mounting: np.ndarray) -> str:
@@ -185,19 +179,12 @@ def _saturated(run: Run) -> list[ResidualCause]:
             for end, beside in ((0, 1), (-1, -2)):
                 if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
                     name = {"omega": "angular velocity"}.get(quantity, quantity)
-                    text = (
-                        f"{run.name}: the {name} on b{axis} stays at {significant(levels[end], 4)} in {counts[end]} "
-                        "samples: the sensor's range ends there (saturation); move less"
-                    )
                     verdicts.append(
-                        ResidualCause(
-                            cause="saturation",
-                            axis=f"b{axis}",
-                            share=counts[end] / len(values),
-                            text=text,
-                            run=run.name,
+                        Finding.SATURATION.cause(
+                            run.name, axis=f"b{axis}", share=counts[end] / len(values), quantity=name,
+                            value=significant(levels[end], 4), count=counts[end],
                         )
-                    )
+                    )  # fmt: skip
     return verdicts
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.judge.findings import Finding
 from identify.results.residual_cause import ResidualCause
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
@@ -41,12 +42,11 @@ class ResonancePeak(NamedTuple):
 
     def verdict(self, run: Run, adds: str = "") -> ResidualCause:
         """Return the peak as a cause, with what it adds to the tensor."""
-        on, unit = f"b{self.axis + 1}", "N" if self.quantity == "force" else "N·m"
-        text = (
-            f"{run.name}: the {self.quantity} on {on} shakes at about {significant(self.frequency)} Hz, "
-            f"{significant(self.rms, 2)} {unit} rms (resonance); stiffen or damp what rings{adds}"
-        )
-        return ResidualCause(cause="resonance", axis=on, share=self.share, text=text, run=run.name)
+        unit = "N" if self.quantity == "force" else "N·m"
+        return Finding.RESONANCE.cause(
+            run.name, axis=f"b{self.axis + 1}", share=self.share, adds=adds, quantity=self.quantity,
+            frequency=significant(self.frequency), size=f"{significant(self.rms, 2)} {unit}",
+        )  # fmt: skip
 
 
 def resonance(run: Run, band: float) -> ResonancePeak | None:

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from identify.judge.evidence import Base, products, spectrum
-from identify.judge.findings import signed
+from identify.judge.findings import Finding, signed
 from identify.judge.run_fit import RunFit
+from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 
@@ -34,17 +35,15 @@ class Difference(NamedTuple):
         """Whether the difference is larger than chance explains."""
         return bool(scipy.special.chdtrc(6, self.value @ np.linalg.solve(self.expected, self.value)) < CHANCE)
 
-    @property
-    def text(self) -> str:
-        """Text on the difference for a reader."""
+    def cause(self, run: str) -> ResidualCause:
+        """Return the difference as a finding on a run."""
         spread = np.sqrt(np.diag(self.expected))
         worst = int(np.argmax(np.abs(self.value) / spread))
-        value, usual = GRAM_METRE * self.value[worst], GRAM_METRE * spread[worst]
-        return (
-            "ordinary least squares and the fit of force and moment together differ by "
-            f"{signed(value)} g·m² in {COMPONENTS[worst]}, where {significant(usual, 2)} "
-            "is to be expected: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
-        )
+        figures = GRAM_METRE * self.value[worst], GRAM_METRE * spread[worst]
+        return Finding.LEAST_SQUARES.cause(
+            run, axis="", share=0.0, difference=signed(figures[0]), component=COMPONENTS[worst],
+            expected=significant(figures[1], 2),
+        )  # fmt: skip
 
 
 def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> Difference:

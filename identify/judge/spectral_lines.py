@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators.regressor_rows import rows_of
+from identify.judge.findings import Finding
 from identify.results.identification_result import Identification
 from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
@@ -52,12 +53,11 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
     resonance = line(residuals, run.rate, above=OVER_BAND * run.band)
     if resonance is None or resonance.share < LEAST:
         return []
-    axis = f"b{resonance.axis + 1}"
-    text = (
-        f"{run.name}: a line at {significant(resonance.frequency)} Hz in the residual moment about {axis} (resonance); "
-        f"{significant(resonance.rms, 2)} N·m rms"
-    )
-    return [ResidualCause(cause="resonance", axis=axis, share=resonance.share, text=text, run=run.name)]
+    found = Finding.SPECTRAL_LINE.cause(
+        run.name, axis=f"b{resonance.axis + 1}", share=resonance.share, frequency=significant(resonance.frequency),
+        size=f"{significant(resonance.rms, 2)} N·m",
+    )  # fmt: skip
+    return [found]
 
 
 def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:

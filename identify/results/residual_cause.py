@@ -7,8 +7,7 @@ class ResidualCause(NamedTuple):
     """A cause that a run's residuals follow."""
 
     cause: str
-    """Name of the likely cause: one of :data:`identify.judge.causes.MAKERS`, resonance, saturation, least squares
-    or unexplained; repeatability where the scatter of several runs contradicts their residuals."""
+    """Label of the likely cause, of :class:`identify.judge.findings.Finding`."""
     axis: str
     """Axis of the moment on which it shows most, b1, b2 or b3; of repeatability the component."""
     share: float

@@ -19,7 +19,7 @@ CLOCKLESS = "take them from the device's clock; until then log times count"
 
 
 @dataclass(frozen=True)
-class Finding:
+class TopicFinding:
     """One suspicion: what, on which topic, and what to do."""
 
     kind: str
@@ -36,10 +36,10 @@ def clock_skew(channel: SensorChannel) -> float:
     return device_clock.fit(channel.stamp, channel.log_time).skew
 
 
-def channel_findings(channel: SensorChannel, skew: float) -> Iterator[Finding]:
+def channel_findings(channel: SensorChannel, skew: float) -> Iterator[TopicFinding]:
     """Everything that is suspicious about a channel; ``skew``: of its clock (:func:`clock_skew`)."""
     if len(channel.stamp) < LEAST_SAMPLES:
-        yield Finding("short", channel.topic, f"only {len(channel.stamp)} samples: record longer")
+        yield TopicFinding("short", channel.topic, f"only {len(channel.stamp)} samples: record longer")
         return
     yield from _gaps(channel)
     yield from _order(channel)
@@ -56,7 +56,7 @@ def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
     return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
 
 
-def _gaps(channel: SensorChannel) -> Iterator[Finding]:
+def _gaps(channel: SensorChannel) -> Iterator[TopicFinding]:
     """Steps of the stamps beyond five periods: jitter stays within one or two, a lost sample makes two."""
     steps = np.diff(channel.stamp) * 1e-9
     period = device_clock.steady_period(channel.stamp) * 1e-9
@@ -68,7 +68,7 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
     if len(wide):
         worst = wide[np.argmax(steps[wide])]
         after = (channel.stamp[worst] - channel.stamp[0]) * 1e-9
-        yield Finding(
+        yield TopicFinding(
             "gap",
             channel.topic,
             f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out",
@@ -77,7 +77,9 @@ def _gaps(channel: SensorChannel) -> Iterator[Finding]:
         counted = np.diff(sequence.astype(np.int64))
         missing = int((counted[(counted > 1) & (counted < 2**16)] - 1).sum())
         if missing and counted.min() > 0:
-            yield Finding("gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable")
+            yield TopicFinding(
+                "gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable"
+            )
 
 
 def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -91,43 +93,43 @@ def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.i
     return np.array([then - before > 2.5 * period for then, before in least], bool)
 
 
-def _order(channel: SensorChannel) -> Iterator[Finding]:
+def _order(channel: SensorChannel) -> Iterator[TopicFinding]:
     back = int((np.diff(channel.stamp) <= 0).sum())
     if back:
         stamped = bool((channel.stamp != channel.log_time).any())
         which, cure = ("header stamps", CLOCKLESS) if stamped else ("log times", "stamp the messages")
-        yield Finding("order", channel.topic, f"{back} {which} do not increase: {cure}")
+        yield TopicFinding("order", channel.topic, f"{back} {which} do not increase: {cure}")
 
 
 SKEW_LIMIT = 500e-6  # crystals keep within 100 ppm; five times that is a clock of another kind
 LEAST_SECONDS = 5.0  # over less, delays look like skew
 
 
-def _clock(channel: SensorChannel, skew: float) -> Iterator[Finding]:
+def _clock(channel: SensorChannel, skew: float) -> Iterator[TopicFinding]:
     seconds = (channel.stamp[-1] - channel.stamp[0]) * 1e-9
     if seconds >= LEAST_SECONDS and abs(skew) > SKEW_LIMIT:
-        yield Finding(
+        yield TopicFinding(
             "skew",
             channel.topic,
             f"stamps drift by {skew * 1e3:+.3f} ms/s against the host's clock: fit the clock before use",
         )
 
 
-def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
     bad = int((~np.isfinite(values)).any(axis=1).sum())
     if bad:
-        yield Finding("not finite", topic, f"{name} is not a number in {bad} samples: leave them out")
+        yield TopicFinding("not finite", topic, f"{name} is not a number in {bad} samples: leave them out")
 
 
 HELD_LIMIT = 0.2  # repeats of all three axes at once are rare with any noise; one in five is a slower source
 
 
-def _held(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+def _held(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
     """Samples equal to the one before in all three axes, unless the signal is constant throughout."""
     same = (np.diff(values, axis=0) == 0).all(axis=1)
     share = float(same.mean())
     if HELD_LIMIT < share < 1:
-        yield Finding(
+        yield TopicFinding(
             "held",
             topic,
             f"{share:.0%} of the {name} samples repeat the one before: the true rate is lower than stated",
@@ -137,7 +139,7 @@ def _held(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Findin
 SATURATED_LIMIT = 5  # samples in a row, exactly at the extreme
 
 
-def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Finding]:
+def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
     """An axis that stays exactly at its largest or smallest value for several samples while others move."""
     for axis in range(3):
         column = values[:, axis]
@@ -146,7 +148,7 @@ def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[F
         for extreme in (column.min(), column.max()):
             run = longest_run(column == extreme)
             if run >= SATURATED_LIMIT and _moves(values, column == extreme) and _abrupt(column, extreme):
-                yield Finding(
+                yield TopicFinding(
                     "saturation", topic, f"{name} {'xyz'[axis]} stays at {extreme:.6g} for {run} samples: out of range"
                 )
 

@@ -13,7 +13,7 @@ import numpy as np
 from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel, counted_together
 from rig.exceptions import on_one_line
-from rig.inspection.channel_health import Finding, SensorChannel, channel_findings, clock_skew
+from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, WRENCH
 from rig.mcap.message_fields import MOTIONS, WRENCHES
 from rig.record import device_clock
@@ -40,7 +40,7 @@ class Inspection:
 
     file: str
     channels: list[ChannelReport] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[TopicFinding] = field(default_factory=list)
     imported: bool = False
     """Whether the run was imported from a table, by a map."""
 
@@ -60,7 +60,7 @@ class Inspection:
         return "\n".join(map(on_one_line, lines))
 
 
-Judge = Callable[[Sequence[SensorChannel], list[Finding]], list[Finding]]
+Judge = Callable[[Sequence[SensorChannel], list[TopicFinding]], list[TopicFinding]]
 """Function from all channels and the findings on their health to all findings, for a caller who knows what channels
 mean."""
 
@@ -77,7 +77,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         OSError: it cannot be opened.
     """
     contents = load(path)
-    report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[Finding]()
+    report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[TopicFinding]()
     report.imported = "imported" in contents.metadata.get("rig.run", {})
     for topic, messages in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
@@ -92,19 +92,23 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
     held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}
     report.findings += [
-        Finding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
+        TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
         for kinds in (WRENCHES, MOTIONS)
         if not held & set(kinds)
     ]
     return report
 
 
-def _end(metadata: dict[str, dict[str, str]]) -> Iterator[Finding]:
+def _end(metadata: dict[str, dict[str, str]]) -> Iterator[TopicFinding]:
     """Return the recorder's own findings."""
     if "rig.run" in metadata and "log_time" in metadata["rig.run"] and "rig.end" not in metadata:
-        yield Finding("unfinished", "rig.end", "the recording was not ended properly: its last moments may be missing")
+        yield TopicFinding(
+            "unfinished", "rig.end", "the recording was not ended properly: its last moments may be missing"
+        )
     if metadata.get("rig.end", {}).get("complete") == json.dumps(False):
-        yield Finding("incomplete", "rig.end", "the recorder missed data: see the metadata rig.end for what and where")
+        yield TopicFinding(
+            "incomplete", "rig.end", "the recorder missed data: see the metadata rig.end for what and where"
+        )
 
 
 def _describe(channel: SensorChannel, skew: float) -> ChannelReport:

@@ -13,6 +13,7 @@ from identify.estimators.regressor_rows import check_rate
 from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
+from identify.judge.findings import Finding
 from identify.methods.base import estimator_of
 from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
@@ -183,7 +184,7 @@ def _alignment(experiment: Experiment) -> Alignment:
 
 def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     worst = int(np.argmin(repeats.probability))
-    return ResidualCause("repeatability", repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
+    return ResidualCause(Finding.REPEATABILITY.label, repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
 
 
 def _prepared(

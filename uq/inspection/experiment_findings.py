@@ -9,7 +9,7 @@ from identify.judge.conventions.imu_findings import imu_findings
 from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
-from rig.inspection.channel_health import Finding
+from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
 from uq.inspection.imported_run import cured_in_map
 from uq.sources.constant_errors import declared_sigma
@@ -17,7 +17,7 @@ from uq.sources.constant_errors import declared_sigma
 
 def experiment_findings(
     run: Run, experiment: Experiment, *, undone: bool = False, turn_free: bool = False
-) -> list[Finding]:
+) -> list[TopicFinding]:
     """Judge the longest whole segment of a run that was read as the experiment declares.
 
     Args:
@@ -34,13 +34,13 @@ def experiment_findings(
     if len(time) < 10:
         return []
     imu = ImuSignal(time, run.omega[usable], run.specific_force[usable])
-    from_imu = [Finding(*contradiction) for contradiction in imu_findings(imu, run.name)]
+    from_imu = [TopicFinding(*contradiction) for contradiction in imu_findings(imu, run.name)]
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     declared = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
     together = wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)
-    return [*from_imu, *(Finding(*contradiction) for contradiction in together)]
+    return [*from_imu, *(TopicFinding(*contradiction) for contradiction in together)]
 
 
 def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from rig.inspection.channel_health import Finding
+from rig.inspection.channel_health import TopicFinding
 
 HERE, IN_MAP = "in [recording]", "in [recording] of the map, on top of what it says, and import the table again"
 
 
-def cured_in_map(finding: Finding) -> Finding:
+def cured_in_map(finding: TopicFinding) -> TopicFinding:
     """Return a finding with the cure of an imported run, which states its units and axes."""
     of_experiment = any(f"set {key} =" in finding.text for key in ("compensated", "zero"))
     return finding if of_experiment else replace(finding, text=finding.text.replace(HERE, IN_MAP))

@@ -14,7 +14,7 @@ from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
 from identify.judge.conventions.imu_findings import imu_findings
 from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.channel_health import LEAST_SAMPLES, Finding, SensorChannel
+from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding
 from rig.inspection.inspect import Inspection, inspect
 from uq.inspection.imported_run import cured_in_map
 
@@ -43,7 +43,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     from uq.recorded.load_run import load
     from uq.recorded.time_window import cut
 
-    def judge(_: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
+    def judge(_: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
         run = cut(load(Path(path), experiment.recording, marks=False).run, None, ())
         return [*findings, *experiment_findings(run, experiment)]
 
@@ -56,7 +56,7 @@ def _cured(report: Inspection) -> Inspection:
     return report
 
 
-def _without_experiment(channels: Sequence[SensorChannel], findings: list[Finding]) -> list[Finding]:
+def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
     """Findings on the signals alone: each IMU, and wrench and motion where neither is faulty otherwise."""
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
@@ -64,14 +64,16 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[Findin
     findings = list(findings)
     for imu in imus:
         if len(imu.stamp) >= LEAST_SAMPLES:
-            findings += [Finding(*contradiction) for contradiction in imu_findings(_imu_signal(imu, origin), imu.topic)]
+            findings += [
+                TopicFinding(*contradiction) for contradiction in imu_findings(_imu_signal(imu, origin), imu.topic)
+            ]
     topics = [channel.topic for channel in channels]
     findings.sort(key=lambda finding: topics.index(finding.topic))
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
         together = wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
-        findings += [Finding(*contradiction) for contradiction in together]
+        findings += [TopicFinding(*contradiction) for contradiction in together]
     return findings
 
 

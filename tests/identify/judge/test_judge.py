@@ -1,12 +1,13 @@
 """What is said against a result: the laboratory of tests/helpers/laboratory.py errs, and the engine must name or cover it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from identify.exceptions import RunError
-from identify.judge.findings import WORDS
+from identify.judge.findings import Finding
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.laboratory import FULL_SCALE, measure
 from tests.helpers.laboratory_runs import identified, identified_files, source
@@ -141,7 +142,7 @@ def test_stamps_that_jitter_are_the_reason_of_a_refusal():
 @pytest.mark.parametrize("method", ["source", "joint"])
 def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatch):
     """What no cause would name moves the two apart."""
-    monkeypatch.setattr("identify.judge.causes.MAKERS", {})
+    monkeypatch.setattr("identify.judge.causes.SIGNALS", {})
     monkeypatch.setattr("identify.judge.judged_result.UNEXPLAINED", np.inf)
     measured = measure(3, **TROUBLES["sloshing"].options(0.3, 3), **SHORT)
     result = identified(measured, method)
@@ -158,5 +159,10 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
     ],
 )
 def test_who_came_late_is_said_without_a_minus(late, words):
-    assert WORDS["filter"].phrase(np.full(2, late), np.full(2, 1e-4)) == words
-    assert "declare the delay, or let method joint estimate it" in WORDS["filter"].cure
+    assert Finding.FILTER.phrase(np.full(2, late), np.full(2, 1e-4)) == words
+    assert "declare the delay, or let method joint estimate it" in Finding.FILTER.cure
+
+
+def test_the_docs_name_every_finding():
+    table = (Path(__file__).parents[3] / "docs" / "explanation" / "troubles.md").read_text("utf-8")
+    assert [finding.label for finding in Finding if f"`{finding.label}`" not in table] == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rig
-from rig.inspection.channel_health import Finding, channel_findings
+from rig.inspection.channel_health import TopicFinding, channel_findings
 from rig.record import device_clock
 from tests.helpers.rig_samples import imu_channel, wrench_channel
 
@@ -20,7 +20,7 @@ def test_health_alone_says_nothing_of_units(tmp_path):
 
 def test_a_judge_adds_what_it_knows(tmp_path):
     rig.write(tmp_path / "run.mcap", wrench=wrench_channel(400), imu=imu_channel(400))
-    verdict = Finding("mass", "/wrench", "too light")
+    verdict = TopicFinding("mass", "/wrench", "too light")
 
     def judge(channels, findings):
         assert [channel.topic for channel in channels] == ["/imu", "/wrench"]

@@ -12,7 +12,7 @@ import pytest
 from identify.text_tables import Table
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from rig.inspection.channel_health import Finding
+from rig.inspection.channel_health import TopicFinding
 from rig.inspection.inspect import Inspection
 from rig.record.recorder import Progress
 from rig.record.terminal import Terminal
@@ -179,5 +179,5 @@ def test_progress_still_moves_the_cursor_but_its_names_do_not(monkeypatch):
 
 def test_tables_and_findings_keep_a_name_on_its_line():
     assert r"a\nforged" in repr(Table("", ["name"], [["a\nforged"]]))
-    inspection = Inspection("a\nforged", findings=[Finding("kind", "b\nforged", "text")])
+    inspection = Inspection("a\nforged", findings=[TopicFinding("kind", "b\nforged", "text")])
     assert len(str(inspection).splitlines()) == 2
