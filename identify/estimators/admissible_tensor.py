@@ -58,7 +58,7 @@ class Admissible(NamedTuple):
     def note(self) -> str | None:
         """Note for a value that stays while intervals end at the limits of a body; None: none ends there."""
         stays = self.determined.all() and not self.moved
-        return f"{self.reason}; so the intervals leave out what no body has, the value stays" if stays else None
+        return f"{self.reason}; intervals are cut to possible tensors, the value is unchanged" if stays else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it; what is infinite or unknown is None."""
@@ -229,5 +229,5 @@ def _reason(determined: np.ndarray, inside: float) -> str:
     if not determined.all():
         return "the motion does not determine every component"
     if inside <= 0:
-        return f"no body has the plain estimate, which lies {-inside:.1f} standard uncertainties outside"
-    return f"the plain estimate lies {inside:.1f} standard uncertainties inside what a body can have"
+        return f"the estimate is physically impossible by {-inside:.1f} standard uncertainties"
+    return f"the estimate is {inside:.1f} standard uncertainties from physically impossible"

@@ -1,4 +1,4 @@
-"""The joint estimate: tensor, mass, r_CG, offsets, delay and rotation together, most probable given data and priors."""
+"""The joint maximum-a-posteriori estimate of tensor, mass, r_CG, offsets, delay and rotation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,8 +25,8 @@ class JointEstimator(Method):
     """All unknowns of all channels together; see :mod:`identify.joint`."""
 
     type_a = (
-        "Tensor, mass, centre of gravity, offsets, delay and rotation are estimated together, most probable given what "
-        "is known of them beforehand. What the runs show, residuals and scatter between runs, is evaluated as type A."
+        "Tensor, mass, centre of gravity, offsets, delay and rotation are joint maximum-a-posteriori estimates. What "
+        "the runs show, residuals and scatter between runs, is evaluated as type A."
     )
     estimates = frozenset(
         {"mass", "cell_bias", "cell_scale", "cell_cross_talk", "cell_misalignment", "cell_drift",

@@ -76,7 +76,7 @@ class Recovery:
         elif self.expected is not None:
             lost = f"lost {max(0, self.expected - self.messages)} of {self.expected} messages"
         else:
-            lost = "how many more messages there were is not known"
+            lost = "the number of lost messages is unknown"
         what = "at its end belong to no whole chunk: the file is cut" if self.cut else "are damaged"
         damaged = f", {self.lost_bytes} bytes {what}" if self.lost_bytes else ""
         return "; ".join([f"saved {self.messages} messages in {self.chunks} chunks, {lost}{damaged}", *self.notes])

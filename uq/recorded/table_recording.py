@@ -21,7 +21,7 @@ def silenced(recording: RecordingTable, quantities: set[str]) -> RecordingTable:
 def as_recording(
     path: str | Path, force: np.ndarray, moment: np.ndarray, omega: np.ndarray, acceleration: np.ndarray
 ) -> channels.Recording:
-    """Return a table's columns as a recording that says nothing of itself."""
+    """Return a table's columns as a recording without metadata."""
     times = np.arange(len(force))
     wrench = WrenchChannel(
         topic="force and moment", frame_id="", log_time=times, stamp=times, force=force, moment=moment

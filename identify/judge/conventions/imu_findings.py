@@ -17,14 +17,14 @@ def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Contradiction]:
         yield Contradiction(
             "unit",
             topic,
-            f"acceleration is {wrong['g']:.3f} in the median: in g? it must be in m/s^2 (times {STANDARD_GRAVITY}): "
-            'set acceleration_unit = "g" in [recording]',
+            f"acceleration is {wrong['g']:.3f} in the median: it is probably in g, not m/s^2 (times "
+            f'{STANDARD_GRAVITY}): set acceleration_unit = "g" in [recording]',
         )
     if "deg/s" in wrong:
         yield Contradiction(
             "unit",
             topic,
-            f"gravity turns {wrong['deg/s']:.0f} times less than the gyro says: in deg/s? it must be in rad/s: "
+            f"the gyro turns {wrong['deg/s']:.0f} times faster than gravity does: it is probably in deg/s: "
             'set angular_velocity_unit = "deg/s" in [recording]',
         )
     axes = accelerometer_axes(imu)

@@ -113,7 +113,7 @@ def notes(result: Identification) -> list[str]:
         *([] if result.tare is None else [_without(result.tare, result.parameters)]),
         *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
         *(f"warning: {text}" for text in result.warnings),
-        *([] if bodies is None else [f"near the edge of bodies: {bodies}"]),
+        *([] if bodies is None else [f"physical limits: {bodies}"]),
         *_not_included(result),
         *([f"held out: {result.validation.text}"] if result.validation and result.validation.explained else []),
         *([] if axes is None else [f"principal axes: {axes}"]),
