@@ -27,15 +27,17 @@ SHORTER = {
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
     r"steps=40, random=5": "steps=40, random=1",
-    r"designed = design_arm\(": "from uq.arm import arm_design, common_practice\n"
+    r"designed = design_arm\(": "from uq.motion_design.arm import arm_design, common_practice\n"
     "common_practice.FREQUENCIES = 1\n"
     "arm_design.searched = lambda search, *_, **__: (common_practice.random_series(search, 1, 1), [])\n"
     "designed = design_arm(",
     r"found = design\(": "from identify.motion.optimiser import Optimum\n"
-    "from uq.excitation import design as designs, design_search, rig_limits\n"
-    "design_search.minimise = lambda lagrangian, first, **_: Optimum(first, 0.0, 0.0, 0)\n"
+    "from dataclasses import replace\n"
+    "from uq.motion_design import search\n"
+    "from uq.motion_design.hexapod import design as designs, rig_limits\n"
+    "search.minimise = lambda lagrangian, first, **_: Optimum(first, 0.0, 0.0, 0)\n"
     "designs.best_reference = lambda experiment, given, limits, *_: designs.PredictedTrajectory.of(\n"
-    "    experiment, designs.scaled(given, 0.1, 1.0), limits.bandwidth\n)\n"
+    "    experiment, replace(given, trajectory=given.trajectory.scaled(0.1)), limits.bandwidth\n)\n"
     "rig_limits.HALVINGS, rig_limits.PIECE = 3, 4096\nfound = design(",
     r"in spoiled\.items\(\)": "in list(spoiled.items())[:1]",
     r"in cures\.items\(\)": "in cures.items() if name in paths",

@@ -16,7 +16,8 @@ from benchmarks.studies.plain_regression import beside_plain, coverage_lines
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.payload_information import about_cg, about_q
-from uq.arm.arm_design import (
+from uq.experiment.experiment import Experiment
+from uq.motion_design.arm.arm_design import (
     DETERMINANT,
     PERIOD,
     RAMP,
@@ -27,10 +28,9 @@ from uq.arm.arm_design import (
     goal_function,
     searched,
 )
-from uq.arm.joint_search import Candidate, JointSearch
-from uq.arm.mujoco_run import simulated
-from uq.arm.predicted_payload import average_expanded
-from uq.experiment.experiment import Experiment
+from uq.motion_design.arm.joint_search import Candidate, JointSearch
+from uq.motion_design.arm.mujoco_run import simulated
+from uq.motion_design.arm.predicted_payload import average_expanded
 
 
 def estimates(design: ArmDesign, candidate: Candidate, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,7 @@ def estimates(design: ArmDesign, candidate: Candidate, runs: int, seed: int) -> 
     """
     experiment, limits = design.experiment, design.limits
     run = simulated(limits.arm, experiment.body, experiment.gravity, candidate.series)
-    motion = limits.tool_of(run.joints)
+    motion = limits.tool(run.joints)
     rows = np.asarray(jax.jit(jax.vmap(wrench_regressor))(*map(jnp.asarray, motion)))
     whiten = np.linalg.inv(np.linalg.cholesky(design.noise.covariance))
     columns = np.concatenate([whiten @ rows, np.tile(whiten, (len(rows), 1, 1))], axis=2).reshape(-1, 16)

@@ -17,9 +17,9 @@ from identify.motion.leg_limits import Limits
 from identify.motion.mean_square import largest_mean_square
 from identify.motion.multisine import Multisine
 from identify.motion.stages import rising
-from uq.excitation.design_bound import DesignBound, design_bound, largest_accelerations, largest_strokes
-from uq.excitation.rig_limits import resolved_limits
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.motion_design.hexapod.design_bound import DesignBound, design_bound, largest_accelerations, largest_strokes
+from uq.motion_design.hexapod.rig_limits import resolved_limits
 
 HARMONICS = 4
 """Most that a motion has which repeats: it does so within less than one more period of the bandwidth."""

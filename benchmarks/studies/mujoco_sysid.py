@@ -19,8 +19,8 @@ from mujoco import sysid
 from identify.rigid_body.inertia import Body, unpack
 from identify.serial_arm.joint_series import JointStates
 from identify.signals.run import Run
-from uq.arm.arm import Arm
-from uq.arm.mujoco_run import loaded_spec
+from uq.motion_design.arm.arm import Arm
+from uq.motion_design.arm.mujoco_run import loaded_spec
 
 LARGEST_OFFSET = {"force": 20.0, "torque": 2.0}
 """Bounds of the sensor's offsets [N, N·m]."""

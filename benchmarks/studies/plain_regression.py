@@ -22,15 +22,15 @@ from identify.joint.alignment_prior import Alignment
 from identify.rigid_body.inertia import Body
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.payload_information import about_cg, about_q
-from uq.arm.arm import Arm
-from uq.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm
-from uq.arm.arm_limits import ArmLimits
-from uq.arm.clearance import Clearance
-from uq.arm.common_practice import random_series
-from uq.arm.joint_search import JointSearch
-from uq.arm.mujoco_run import ASSUMED, MujocoRun, simulated
-from uq.arm.predicted_payload import WrenchNoise, declared_noise
 from uq.experiment.experiment import Experiment
+from uq.motion_design.arm.arm import Arm
+from uq.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm
+from uq.motion_design.arm.arm_limits import ArmLimits
+from uq.motion_design.arm.clearance import Clearance
+from uq.motion_design.arm.common_practice import random_series
+from uq.motion_design.arm.joint_search import JointSearch
+from uq.motion_design.arm.mujoco_run import ASSUMED, MujocoRun, simulated
+from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise
 
 STEP, OFFSET = 2 * np.pi / 2**19, np.repeat([2.0, 0.1], 3)
 """Of an encoder of 19 bits [rad]; standard deviation of the cell's offset, drawn for each run [N, N·m]."""
@@ -117,7 +117,7 @@ def smoothed(log: Measured) -> JointStates:
 
 def identified(limits: ArmLimits, gravity: float, log: Measured) -> Stated:
     """Return what ``identify`` states of the same samples; its motion is that of the smoothed joints."""
-    tool = limits.tool_of(smoothed(log))
+    tool = limits.tool(smoothed(log))
     run = Run.from_channels(
         log.t, log.wrench[:, :3], log.wrench[:, 3:], log.t, tool.omega, specific_force=tool.specific_force
     )

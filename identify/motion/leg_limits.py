@@ -9,13 +9,20 @@ from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
-from identify.motion.stewart_platform import Legs, Pose, StewartPlatform, Twist, forces, joint_angles, legs
+from identify.motion.limit_peaks import Peak, largest_uses
+from identify.motion.stewart_platform import Legs, Pose, StewartPlatform, Twist, forces, joint_angles, legs, lengths
 from identify.motion.trajectory import Trajectory, acceleration_of
 from identify.rigid_body.dynamics import acceleration_at, wrench
 from identify.rigid_body.inertia import Body
 
-LEG_QUANTITIES = {"length": "m", "speed": "m/s", "acceleration": "m/s^2", "force": "N", "joint_angle": "rad"}
-"""Unit in SI of each limited quantity of a leg."""
+LEG_QUANTITIES = ("length", "speed", "acceleration", "force", "joint_angle")
+"""Limited quantities of a leg; the others are those of an axis."""
+
+
+@CompiledProgram
+def leg_lengths(platform: StewartPlatform, poses: Pose) -> Float[Array, "n 6"]:
+    """Return the legs' lengths [m] in each of several poses."""
+    return jax.vmap(lambda pose: lengths(platform, pose))(poses)
 
 
 class PlatformMotion(NamedTuple):
@@ -151,7 +158,7 @@ class Limits(NamedTuple):
         )  # fmt: skip
 
 
-def needs(asked: Effort, bandwidth: float = np.inf) -> Limits:
+def needs(asked: Effort) -> Limits:
     """Return the tightest limits of the legs under which a motion can be run; sensors and body are left free."""
     largest = lambda values: np.abs(np.asarray(values)).max(axis=0)  # noqa: E731
     length = np.asarray(asked.legs.length)
@@ -160,17 +167,15 @@ def needs(asked: Effort, bandwidth: float = np.inf) -> Limits:
         speed=largest(asked.legs.speed),
         acceleration=largest(asked.legs.acceleration),
         force=largest(asked.force),
-        bandwidth=bandwidth,
     )
 
 
-def shares(asked: Effort, limits: Limits) -> dict[str, Float[Array, "n k"]]:
-    """Return by quantity how much of its limit a motion uses at each instant: 1 is the limit; k legs or axes."""
-    return {name: jnp.abs(value) for name, value in signed_shares(asked, limits).items()}
+def shares(asked: Effort, limits: Limits) -> dict[str, Any]:
+    """Return by quantity which share of its limit a motion uses at each instant, (n, k): legs or axes.
 
-
-def signed_shares(asked: Effort, limits: Limits) -> dict[str, Any]:
-    """Return the same with the quantities' signs, smooth in time. A length counts from the middle of its range."""
+    A share of 1 or -1 is the limit. Shares have the quantities' signs and are smooth in time; a length counts from the
+    middle of its range.
+    """
     low, high = limits.length.T
     finite = np.isfinite(high)
     middle, half = np.where(finite, (low + high) / 2, 0.0), np.where(finite, (high - low) / 2, np.inf)
@@ -187,29 +192,11 @@ def signed_shares(asked: Effort, limits: Limits) -> dict[str, Any]:
     }
 
 
-class Peak(NamedTuple):
-    """The largest use of a limit by a motion, and where it occurs."""
-
-    quantity: str
-    """Name in :func:`shares`."""
-    share: float
-    """Used share of the limit; above 1 the limit is exceeded."""
-    channel: int
-    """Leg or axis, from 0."""
-    t: float
-    """Instant of the largest use [s]."""
-
-    def __str__(self) -> str:
-        where = f"leg {self.channel + 1}" if self.quantity in LEG_QUANTITIES else f"axis {self.channel + 1}"
-        return f"{self.quantity.replace('_', ' ')} of {where} at {self.t:.3f} s: {100 * self.share:.1f} % of its limit"
+def channel_name(quantity: str, channel: int) -> str:
+    """Return what to call a quantity's leg or axis."""
+    return f"{'leg' if quantity in LEG_QUANTITIES else 'axis'} {channel + 1}"
 
 
 def peaks(asked: Effort, limits: Limits, t: Float[Array, " n"]) -> list[Peak]:
     """Return each limited quantity's largest use, the largest first."""
-    listed = []
-    for name, share in shares(asked, limits).items():
-        values = np.asarray(share)
-        instant, index = np.unravel_index(int(np.argmax(values)), values.shape)
-        if values[instant, index] > 0:
-            listed.append(Peak(name, float(values[instant, index]), int(index), float(t[instant])))
-    return sorted(listed, key=lambda peak: -peak.share)
+    return [peak for peak in largest_uses(shares(asked, limits), t, channel_name) if peak.share > 0]

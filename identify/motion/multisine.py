@@ -1,5 +1,7 @@
 """A motion of many frequencies, in stages from rest to rest: rotation and translation of the platform."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -53,11 +55,6 @@ class Multisine(Trajectory):
         return jnp.minimum(next_start, self.duration)
 
     @property
-    def stages(self) -> int:
-        """Number of stages."""
-        return 1 if self.start is None else len(np.unique(np.asarray(self.start)))
-
-    @property
     def period(self) -> float:
         """Time within which each stage repeats [s]; infinite where a frequency is no multiple of its lowest one."""
         frequency, longest = np.asarray(self.frequency), 0.0
@@ -68,15 +65,21 @@ class Multisine(Trajectory):
             longest = max(longest, 1 / of_stage.min() if whole else np.inf)
         return longest
 
+    def scaled(self, size: float, speed: float = 1.0) -> "Multisine":
+        """Return the motion with ``size`` times its amplitudes, ``speed`` times as fast, in the same time."""
+        return replace(self, frequency=speed * self.frequency, cosine=size * self.cosine, sine=size * self.sine)
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the sines [Hz]."""
+        return float(np.max(self.frequency))
+
     def lasting(self, duration: float) -> "Multisine":
         """Return the motion of another duration [s], its ramps as they are, the stages in the same proportion."""
         start = None if self.start is None else duration / np.asarray(self.duration) * np.asarray(self.start)
         if start is not None and np.isfinite(self.period):  # ramps then meet the same phases
             start = np.round(start / self.period) * self.period
-        return Multisine(
-            frequency=self.frequency, cosine=self.cosine, sine=self.sine, duration=np.array(float(duration)),
-            ramp=self.ramp, start=start,
-        )  # fmt: skip
+        return replace(self, duration=np.array(float(duration)), start=start)
 
     @property
     def shortest(self) -> float:

@@ -111,14 +111,13 @@ def moved(
     omega, alpha, jerk = jax.vmap(turning)(at[:, 3:], speed[:, 3:], acceleration[:, 3:], jolt[:, 3:])
     rotation = jax.vmap(exponential)(at[:, 3:])
     position = jnp.asarray(platform.home)[None] + at[:, :3]
-    of_platform = PlatformMotion(t, Pose(position, rotation), Twist(speed[:, :3], omega, acceleration[:, :3], alpha))
+    twist = Twist(speed[:, :3], omega, acceleration[:, :3], alpha)
     turning_acceleration = jax.vmap(acceleration_at, in_axes=(None, 0, 0))(r_cg_from_omb, omega, alpha)
     specific = (
         turning_acceleration + jnp.einsum("nji,nj->ni", rotation, acceleration[:, :3]) + gravity * rotation[:, 2, :]
     )
-    return Moved(
-        of_platform, Motion(t=t, omega=omega.T, alpha=alpha.T, rotation=rotation, specific_force_cg=specific.T), jerk.T
-    )
+    body = Motion(t=t, omega=omega.T, alpha=alpha.T, rotation=rotation, specific_force_cg=specific.T)
+    return Moved(PlatformMotion(t, Pose(position, rotation), twist), body, jerk.T)
 
 
 def turning(

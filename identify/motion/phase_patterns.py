@@ -59,20 +59,19 @@ def patterns() -> Complex[np.ndarray, "m 6"]:
     return np.exp(2j * np.pi * np.array(unique) / PHASES)
 
 
-def mixture(function: Uncertainty, to_alpha: Float[np.ndarray, "3 6"], *, small: float = SMALL) -> Mixture:
+def mixture(function: Uncertainty, to_alpha: Float[np.ndarray, "3 6"]) -> Mixture:
     """Return the mixture of patterns whose second moment a function is least at.
 
     Args:
         function: convex, of degree -1/2, of the second moment of the angular acceleration [rad²/s⁴].
         to_alpha: K A, from what each leg does of its limit to the angular acceleration [rad/s²].
-        small: share, of the largest one, below which a pattern is left out.
     """
     tried = patterns()
     every = np.full(len(tried), 1 / len(tried))
     little = LITTLE * np.asarray(mixed(tried @ to_alpha.T, jnp.asarray(every)))
     regular = lambda moment: function(moment + little)  # noqa: E731
     share = optimal_shares(regular, tried @ to_alpha.T)
-    for least, most in ((NEGLIGIBLE, 2 * MOST), (small, MOST)):
+    for least, most in ((NEGLIGIBLE, 2 * MOST), (SMALL, MOST)):
         order = np.argsort(-share, kind="stable")[:most]
         tried = tried[order[share[order] >= least * share.max()]]
         share = optimal_shares(regular, tried @ to_alpha.T)

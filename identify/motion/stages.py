@@ -38,18 +38,13 @@ class Stages(Pytree):
         between = periodic.period / len(periodic.t)
         ramp = max(1, np.floor(min(ramp, duration * np.min(share) / np.sum(share) / 4) / between + 1e-9)) * between
         inner = duration * np.cumsum(share / np.sum(share))[:-1]
-        whole = np.round(inner / periodic.period) * periodic.period
-        return cls(periodic, np.array([0.0, *whole, duration]), float(ramp))
+        starts = np.round(inner / periodic.period) * periodic.period
+        return cls(periodic, np.array([0.0, *starts, duration]), float(ramp))
 
     @property
     def count(self) -> int:
         """Number of stages."""
         return len(self.border) - 1
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns that describe a motion."""
-        return self.count * self.periodic.unknowns
 
     @property
     def between(self) -> float:
@@ -103,11 +98,11 @@ class Stages(Pytree):
         polynomials through six neighbours.
         """
         n, m = len(self.periodic.t), len(self.in_ramp)
-        each = values.reshape(self.count, -1, values.shape[-1])
+        stages = values.reshape(self.count, -1, values.shape[-1])
         kernels = [
-            (by_series(n), each[:, :n]),
-            (by_neighbours(m), each[:, n : n + m]),
-            (by_neighbours(m), each[:, n + m :]),
+            (by_series(n), stages[:, :n]),
+            (by_neighbours(m), stages[:, n : n + m]),
+            (by_neighbours(m), stages[:, n + m :]),
         ]
         finer = [jnp.einsum("mn,snk->smk", jnp.asarray(kernel), samples) for kernel, samples in kernels]
         return jnp.concatenate(finer, axis=1).reshape(-1, values.shape[-1])

@@ -5,7 +5,8 @@ starts and ends at rest with all derivatives (and so do the seams between segmen
 """
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -40,22 +41,64 @@ class Trajectory(Pytree):
         """Return how far the point that carries the rotation has moved by time ``t`` [s], in A [m]: not at all here."""
         return jnp.zeros(3, jnp.asarray(t).dtype)
 
+    def scaled(self, size: float, speed: float = 1.0) -> "Trajectory":
+        """Return the motion with ``size`` times its angles and displacement, ``speed`` times as fast.
 
-class Sphere(Trajectory):
+        Raises:
+            NotImplementedError: it has no amplitude.
+        """
+        raise NotImplementedError(f"a {type(self).__name__} has no amplitude")
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the motion [Hz], apart from its ramps."""
+        raise NotImplementedError(f"a {type(self).__name__} has no highest frequency")
+
+
+class SourceTrajectory(Trajectory):
+    """Trajectory of the source: a rotation whose angular velocity and acceleration have stated amplitudes."""
+
+    SEGMENTS: ClassVar[int] = 1
+    """Number of motions from rest to rest."""
+    angular_velocity: Scalar
+    """Amplitude W of the angular velocity [rad/s]; of a sphere its radius."""
+    angular_acceleration: Scalar
+    """Amplitude A of the angular acceleration [rad/s²]; the motion's angular frequency is A / W."""
+    duration: Scalar
+    """Duration T of the motion [s], all segments together."""
+    ramp: Scalar
+    """Time to start and to stop each segment [s]."""
+
+    def scaled(self, size: float, speed: float = 1.0) -> "SourceTrajectory":
+        """Return the motion with ``size`` times its angles, ``speed`` times as fast, in the same time."""
+        return replace(
+            self,
+            angular_velocity=np.array(size * speed * self.angular_velocity),
+            angular_acceleration=np.array(size * speed**2 * self.angular_acceleration),
+        )
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the motion [Hz], apart from its ramps."""
+        return float(self.angular_acceleration / self.angular_velocity) / (2 * np.pi)
+
+    def lasting(self, duration: float) -> "SourceTrajectory":
+        """Return the motion of another duration [s], its ramps as they are."""
+        return replace(self, duration=np.array(float(duration)))
+
+    @property
+    def shortest(self) -> float:
+        """Shortest duration before a segment is nothing but two ramps [s]."""
+        return 2 * self.SEGMENTS * float(self.ramp)
+
+
+class Sphere(SourceTrajectory):
     """The source's T1 and T2: omega and alpha trace spheres, along a spiral that precesses about a pole.
 
     ``alpha0 = A (sin Ωt cos εt, cos Ωt, sin Ωt sin εt)`` with ``Ω = A / W`` and ``ε = 2π precessions / duration``
     (written for the pole b2); ``omega`` is its integral without the mean, times the window.
     """
 
-    angular_velocity: Scalar
-    """Radius W of the sphere of angular velocity [rad/s]."""
-    angular_acceleration: Scalar
-    """Radius A of the sphere of angular acceleration [rad/s²]."""
-    duration: Scalar
-    """Duration T of the motion [s]."""
-    ramp: Scalar
-    """Time to start and to stop [s]."""
     precessions: Scalar
     """Turns of the spiral about its pole."""
     pole: int = static_field()
@@ -79,18 +122,21 @@ class Sphere(Trajectory):
         spiral = jnp.roll(jnp.stack([sine, cosine, cross]), self.pole - 1)
         return jnp.asarray(self.angular_acceleration * spiral * window(t, T, self.ramp))
 
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency of the motion [Hz]: that of the spiral and the precession's."""
+        return super().highest_frequency + float(self.precessions / self.duration)
 
-class Harmonic(Trajectory):
+    def lasting(self, duration: float) -> "Sphere":
+        """Return the motion of another duration [s], as fast in its precession."""
+        turns = np.asarray(self.precessions) * duration / float(self.duration)
+        return replace(self, duration=np.array(float(duration)), precessions=turns)
+
+
+class Harmonic(SourceTrajectory):
     """The source's T3 and T4: simple harmonic motion about b1, then b2, then b3, a third of the duration each."""
 
-    angular_velocity: Scalar
-    """Amplitude W of the angular velocity [rad/s]."""
-    angular_acceleration: Scalar
-    """Amplitude A of the angular acceleration [rad/s²]; the motion's angular frequency is A / W."""
-    duration: Scalar
-    """Duration T of the three segments together [s]."""
-    ramp: Scalar
-    """Time to start and to stop each segment [s]."""
+    SEGMENTS = 3
 
     def omega(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """Return the angular velocity in B at ``t``."""

@@ -1,6 +1,5 @@
 """Motions of an arm's joints, from rest to rest: Fourier series between two ramps, or in stages, one after another."""
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -52,8 +51,8 @@ class JointSeries(Pytree):
 
     def basis(self, t: Float[Array, ""]) -> Float[Array, "2 k"]:
         """Return cosines and sines at ``t``, each times its window."""
-        since, left = t - jnp.asarray(self.start), jnp.asarray(self.end) - t
-        window = jax.vmap(lambda a, b: swell(a / self.ramp) * swell(b / self.ramp))(since, left)
+        since, remaining = t - jnp.asarray(self.start), jnp.asarray(self.end) - t
+        window = jax.vmap(lambda a, b: swell(a / self.ramp) * swell(b / self.ramp))(since, remaining)
         angle = 2 * jnp.pi * jnp.asarray(self.frequency) * since
         return window[None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
@@ -61,14 +60,14 @@ class JointSeries(Pytree):
         """Return the joints' positions, speeds and accelerations at instants [s]."""
         return combined(bases(self, jnp.asarray(t)), jnp.asarray(self.home), self.amplitudes)
 
+    def sampled(self, t: Float[np.ndarray, " t"]) -> JointStates:
+        """Return :meth:`states` in NumPy."""
+        return JointStates(*map(np.asarray, self.states(t)))
+
     @property
     def amplitudes(self) -> Float[Array, "2 n k"]:
         """The amplitudes of cosines and sines."""
         return jnp.stack([jnp.asarray(self.cosine), jnp.asarray(self.sine)])
-
-    def scaled(self, size: float) -> "JointSeries":
-        """Return the motion with ``size`` times its amplitudes."""
-        return replace(self, cosine=size * self.cosine, sine=size * self.sine)
 
 
 @CompiledProgram

@@ -16,7 +16,7 @@ from identify.serial_arm.serial_chain import LinkMotion
 
 
 def information(
-    motion: LinkMotion, each: Float[Array, " t"], wrench_noise: Float[Array | np.ndarray, "6 6"]
+    motion: LinkMotion, samples: Float[Array, " t"], wrench_noise: Float[Array | np.ndarray, "6 6"]
 ) -> Float[Array, "10 10"]:
     """Return the information of (m, m r, tensor about Q) in SI, the six offsets of the wrench being unknown too.
 
@@ -24,14 +24,14 @@ def information(
 
     Args:
         motion: of the tool at t instants, instants first.
-        each: samples that every instant stands for; their sum is n.
+        samples: number that every instant stands for; their sum is n.
         wrench_noise: covariance S of force and moment at one sample [N², N²·m, N²·m²].
     """
     rows = jax.vmap(wrench_regressor)(*motion)
     weights = jnp.linalg.inv(jnp.asarray(wrench_noise))
-    summed = jnp.einsum("t,tij->ij", each, rows)
-    of_all = jnp.einsum("t,tij,ik,tkl->jl", each, rows, weights, rows)
-    return of_all - summed.T @ weights @ summed / each.sum()
+    summed = jnp.einsum("t,tij->ij", samples, rows)
+    total = jnp.einsum("t,tij,ik,tkl->jl", samples, rows, weights, rows)
+    return total - summed.T @ weights @ summed / samples.sum()
 
 
 def about_cg(parameters: Float[Array, "10"]) -> Float[Array, "10"]:

@@ -118,8 +118,8 @@ def driven(
     force, moment = to_tool @ force, to_tool @ moment + jnp.cross(at_tool, to_tool @ force)
     efforts: list[Array] = []
     for k in reversed(range(chain.count)):
-        of_link = Body(*(jnp.asarray(array)[k] for array in (chain.mass, chain.r_cg, chain.inertia)))
-        more_force, more_moment = _wrench(of_link, links[k])
+        link = Body(*(jnp.asarray(array)[k] for array in (chain.mass, chain.r_cg, chain.inertia)))
+        more_force, more_moment = _wrench(link, links[k])
         force, moment = force + more_force, moment + more_moment
         efforts.append(jnp.dot(jnp.asarray(chain.axis)[k], force if chain.prismatic[k] else moment))
         turn, at = steps[k]

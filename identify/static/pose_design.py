@@ -70,10 +70,8 @@ def log_determinant(
     r_cg: Float[np.ndarray, "3"],
     scatter: Float[np.ndarray, "6 6"],
     attitudes: Attitudes = EXACT,
-    *,
-    parameters: int = 4,
 ) -> float:
-    """Return the logarithm of the determinant of the predicted covariance; infinite where poses do not determine it.
+    """Return the log determinant of the covariance of mass and centre; infinite where poses do not determine them.
 
     Args:
         specific_force: of the poses, opposite to gravity, in B [m/s²].
@@ -81,10 +79,9 @@ def log_determinant(
         r_cg: expected centre of gravity from Q, in B [m].
         scatter: covariance of each pose's mean force and moment.
         attitudes: how far the poses' attitudes may be off.
-        parameters: how many of the ten count, from the first: 4 for mass and centre, 10 for the offsets, too.
     """
     if np.linalg.matrix_rank(specific_force - specific_force.mean(axis=0), tol=1e-3) < 2:
         return np.inf
-    covariance = predicted_covariance(specific_force, mass, r_cg, scatter, attitudes)[:parameters, :parameters]
+    covariance = predicted_covariance(specific_force, mass, r_cg, scatter, attitudes)[:4, :4]
     sign, value = np.linalg.slogdet(covariance)
     return float(value) if sign > 0 else np.inf

@@ -7,10 +7,9 @@ import numpy as np
 from benchmarks.studies.design_bounds import bound_by_squares, repeating_bound
 from identify.signals.estimator_spec import EstimatorSpec
 from uq import montecarlo
-from uq.excitation.design_bound import design_bound
-from uq.excitation.reference_trajectory import highest_frequency
-from uq.excitation.rig_limits import efforts
 from uq.experiment.experiment import Experiment
+from uq.motion_design.hexapod.design_bound import design_bound
+from uq.motion_design.hexapod.rig_limits import efforts
 
 CASES = ("preset", "near-cubic body", "linuxcnc-genhexkins", "gyro ten times noisier")
 CUBIC = {
@@ -76,7 +75,7 @@ def table(name, found):
 def certified(found, trials):
     """Predicted and simulated 3σ of each component, for the design and for its reference, differentiators matched."""
     for spec, promised in ((found.spec, found.expanded), (found.reference, found.expanded_reference)):
-        matched = EstimatorSpec("matched", "savitzky-golay", highest_frequency(spec))
+        matched = EstimatorSpec("matched", "savitzky-golay", spec.trajectory.highest_frequency)
         experiment = dataclasses.replace(found.experiment, trajectories={"one": spec}, estimators=(matched,))
         errors = montecarlo(experiment, trials=trials).total_errors("one", "matched")
         yield promised, 3 * np.std(errors, axis=0, ddof=1)

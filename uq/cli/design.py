@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rig.exceptions import quoted
-from uq.excitation.design import design
-from uq.excitation.design_report import design_report
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity
-from uq.planning.motion_export import MotionExport, export_motion
+from uq.motion_design.hexapod.design import design
+from uq.motion_design.hexapod.design_report import design_report
+from uq.motion_design.hexapod.motion_export import export_motion
 from uq.planning.pose_plan import POSES, plan_poses
 from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, start_jax, whole_number
 from uq.terminal.sources import add_without_option, shares_named
@@ -78,10 +78,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     _check(arguments)
     targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
-    duration = None if arguments.duration is None else _quantity("--duration", arguments.duration, "s")
-    period: dict[str, Any] = (
-        {} if arguments.period is None else {"period": _quantity("--period", arguments.period, "s")}
-    )
+    given: dict[str, Any] = {
+        name: _quantity(f"--{name}", text, "s")
+        for name in ("duration", "period")
+        if (text := getattr(arguments, name)) is not None
+    }
+    named = {name: getattr(arguments, name) for name in ("goal", "objective", "reference", "starts", "seed")}
+    given |= {name: value for name, value in named.items() if value is not None}
     start_jax()
     experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
@@ -91,14 +94,16 @@ def run(arguments: argparse.Namespace) -> int:
             finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
             return 0
         if experiment.arm is not None:
-            _design_arm(arguments, experiment, duration, period, out)
+            _design_arm(arguments, experiment, given, out)
             return 0
         with TerminalBar(unit="steps", lines=True) as bar, shares_named(experiment, out):
-            given = {name: value for name in ("goal", "objective", "reference", "starts", "seed")
-                     if (value := getattr(arguments, name)) is not None}  # fmt: skip
-            designed = design(experiment, duration=duration, progress=bar, **period, **given)
+            designed = design(experiment, progress=bar, **given)
             report = design_report(designed, goal=given.get("goal", "all"), targets=targets, progress=bar)
-        more: list[Any] = [export_motion(experiment, designed.spec), *_rehearsal(arguments, experiment, designed.spec)]
+        more: list[Any] = [export_motion(experiment, designed.spec)]
+        speed, amplitude = arguments.rehearsal, arguments.rehearsal_amplitude
+        if speed or amplitude:
+            shares = {"speed": speed or 1.0, "amplitude": amplitude or 1.0}
+            more.append(export_motion(experiment, designed.spec, name="rehearsal", **shares))
         count = POSES if arguments.poses is None else arguments.poses
         if count:
             more.append(plan_poses(experiment, designed.spec, designed.limits, count=count, seed=given.get("seed", 0)))
@@ -106,24 +111,16 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _design_arm(
-    arguments: argparse.Namespace,
-    experiment: Experiment,
-    duration: float | None,
-    period: dict[str, Any],
-    out: Path | None,
-) -> None:
+def _design_arm(arguments: argparse.Namespace, experiment: Experiment, given: dict[str, Any], out: Path | None) -> None:
     """Design the joint motion of an arm."""
-    from uq.arm.arm_design import design_arm
-    from uq.arm.arm_report import arm_report
+    from uq.motion_design.arm.arm_design import design_arm
+    from uq.motion_design.arm.arm_report import arm_report
 
     for name in ("objective", "reference", "target", "poses", "rehearsal_amplitude"):
         if getattr(arguments, name) is not None:
             raise ExperimentError(
                 f"--{name.replace('_', '-')} is for a platform on six legs, not for an arm: remove it"
             )
-    given = {name: value for name in ("goal", "starts", "seed") if (value := getattr(arguments, name)) is not None}
-    given |= period if duration is None else period | {"duration": duration}
     with TerminalBar(unit="steps", lines=True) as bar:
         designed = design_arm(experiment, progress=bar, **given)
     finish(arm_report(designed, rehearsal=arguments.rehearsal, out=out), out)
@@ -144,14 +141,6 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ExperimentError(f"--{option} is {fraction:g}: give a part above 0 and at most 1")
     if arguments.poses is not None and arguments.poses != 0 and arguments.poses < 3:
         raise ExperimentError(f"--poses is {arguments.poses}: ask for three or more, or 0 for none")
-
-
-def _rehearsal(arguments: argparse.Namespace, experiment: Experiment, spec) -> list[MotionExport]:
-    speed, amplitude = arguments.rehearsal, arguments.rehearsal_amplitude
-    if speed is None and amplitude is None:
-        return []
-    scaling = {"speed": speed or 1.0, "amplitude": amplitude or 1.0}
-    return [export_motion(experiment, spec, name="rehearsal", **scaling)]
 
 
 def _quantity(option: str, text: str, unit: str) -> float:

@@ -1,1 +1,1 @@
-"""Planning a measurement: duration, sensors, static poses, motion files."""
+"""Planning a measurement: duration, sensors, static poses."""

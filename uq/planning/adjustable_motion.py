@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from identify.motion.multisine import Multisine
-from identify.motion.trajectory import Harmonic, Sphere
+from identify.motion.trajectory import SourceTrajectory
 from uq.experiment.experiment import TrajectorySpec
 from uq.planning.required_duration import lasting, shortest
 from uq.propagation.adjustable_law import adjustable, parts_of
@@ -34,17 +34,14 @@ def explorable(law: PreparedLaw) -> dict[str, Any]:
 def changed(spec: TrajectorySpec, duration: float, amplitude: float) -> TrajectorySpec:
     """Return a trajectory that lasts longer and swings further, each by a factor, its frequencies as they are."""
     trajectory: Any = spec.trajectory if duration == 1 else lasting(spec, duration * spec.duration).trajectory
-    names = ("cosine", "sine") if isinstance(trajectory, Multisine) else ("angular_velocity", "angular_acceleration")
-    larger = {} if amplitude == 1 else {name: amplitude * np.asarray(getattr(trajectory, name)) for name in names}
-    return dataclasses.replace(
-        spec, trajectory=dataclasses.replace(trajectory, **larger), duration=float(duration * spec.duration)
-    )
+    larger = trajectory if amplitude == 1 else trajectory.scaled(amplitude)
+    return dataclasses.replace(spec, trajectory=larger, duration=float(duration * spec.duration))
 
 
 def _motion(law: PreparedLaw, name: str) -> dict[str, tuple[float, list[np.ndarray]]]:
     """Return, by duration and amplitude, the least factor and parabolas of ln factor of variance and mean."""
     spec = law.experiment.trajectories[name]
-    if not isinstance(spec.trajectory, (Sphere, Harmonic, Multisine)):
+    if not isinstance(spec.trajectory, (SourceTrajectory, Multisine)):
         return {}
     now = _parts(law, name, spec)
     least = min(max(1 / LARGEST, 1.001 * shortest(spec) / spec.duration), 1.0)

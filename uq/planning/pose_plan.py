@@ -7,13 +7,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
-from identify.motion.leg_limits import Effort, Limits, PlatformMotion, effort, peaks, shares
-from identify.motion.stewart_platform import Pose, StewartPlatform, Twist
+from identify.motion.euler_angles import roll_pitch_yaw
+from identify.motion.leg_limits import Limits, leg_lengths, shares
+from identify.motion.stewart_platform import Pose, StewartPlatform
 from identify.reporting import Result
 from identify.rigid_body.rotation import exponential
 from identify.static.centre import predicted_covariance
@@ -22,8 +22,7 @@ from identify.static.pose_design import best_poses, log_determinant
 from identify.static.pose_fit import Attitudes
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
-from uq.planning.motion_export import leg_lengths
-from uq.planning.motion_formats import ORDER
+from uq.planning.platform_run import effort_at_rest, peaks_at_home
 from uq.propagation.prediction import Prediction
 
 POSES, HOLD = 12, 2.0
@@ -77,7 +76,7 @@ class PosePlan(Result):
     @property
     def angles(self) -> Float[np.ndarray, "n 3"]:
         """Roll, pitch and yaw of each pose [rad]."""
-        return scipy.spatial.transform.Rotation.from_matrix(self.rotation).as_euler(ORDER)[:, ::-1]
+        return roll_pitch_yaw(self.rotation)
 
     @property
     def standard_uncertainty(self) -> Float[np.ndarray, "10"]:
@@ -130,7 +129,6 @@ def plan_poses(
     *,
     count: int = POSES,
     hold: float = HOLD,
-    parameters: int = 4,
     starts: int = 3,
     seed: int = 0,
 ) -> PosePlan:
@@ -146,7 +144,6 @@ def plan_poses(
         limits: of the rig.
         count: of poses, 3 or more.
         hold: for how long each is held still [s].
-        parameters: how many of the ten count: 4 for mass and centre, 10 for the offsets, too.
         starts: random sets to begin with.
         seed: of those.
 
@@ -168,8 +165,7 @@ def plan_poses(
         return uncertain(force[chosen], experiment.poses or Poses(), None, np.eye(3))
 
     def cost(chosen: np.ndarray) -> float:
-        uncertainty = attitudes(chosen)
-        return log_determinant(force[chosen], mass, centre, scatter, uncertainty, parameters=parameters)
+        return log_determinant(force[chosen], mass, centre, scatter, attitudes(chosen))
 
     def promised(chosen: np.ndarray) -> np.ndarray:
         return predicted_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
@@ -198,11 +194,12 @@ def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray
     tilts = np.linspace(0, MOST_TILT, TILTS)
     grid = [values.ravel() for values in np.meshgrid(azimuths, tilts, PIVOTS, indexing="ij")]
     poses = _leaning(experiment.platform, *map(jnp.asarray, grid))
-    used = shares(_at_rest(experiment, poses), limits)
-    used = np.concatenate([np.asarray(values) for values in used.values()], axis=1).max(axis=1)
+    used = shares(effort_at_rest(experiment, poses), limits)
+    used = np.concatenate([np.abs(values) for values in used.values()], axis=1).max(axis=1)
     allowed = (used <= 1 + 1e-9).reshape(AZIMUTHS, TILTS, len(PIVOTS))
     if not allowed[:, 0].any():
-        raise ExperimentError(f"the platform cannot stand at home with the body: {_worst(experiment, limits)}")
+        worst = peaks_at_home(experiment, limits)[0]
+        raise ExperimentError(f"the platform cannot stand at home with the body: {worst}")
     unbroken = np.logical_and.accumulate(allowed, axis=1)
     furthest = np.where(unbroken, tilts[None, :, None], -1.0).max(axis=1)
     pivot = furthest.argmax(axis=1)
@@ -234,17 +231,3 @@ def _leaning(
         return Pose(jnp.asarray(platform.home) + about - rotation @ about, rotation)
 
     return jax.vmap(leaning)(azimuth, tilt, pivot)
-
-
-def _at_rest(experiment: Experiment, poses: Pose) -> Effort:
-    """Return the demands on the platform of standing still in each pose."""
-    still = jnp.zeros_like(poses.position)
-    motion = PlatformMotion(still[:, 0], poses, Twist(still, still, still, still))
-    r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
-    return effort(experiment.platform, experiment.body, r_cg, motion, gravity)
-
-
-def _worst(experiment: Experiment, limits: Limits) -> str:
-    home = jax.tree.map(lambda array: array[None], experiment.platform.home_pose)
-    asked = _at_rest(experiment, home)
-    return str(peaks(asked, limits, jnp.zeros(1))[0])

@@ -15,8 +15,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.exceptions import explains_names
-from identify.motion.multisine import Multisine
-from identify.motion.trajectory import Harmonic, Sphere
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import significant
@@ -197,19 +195,13 @@ def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
         raise ExperimentError(
             f"{duration:g} s do not hold two ramps of {float(trajectory.ramp):g} s{where}: last for longer"
         )
-    if isinstance(trajectory, Multisine):
-        return dataclasses.replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
-    changed = {"duration": np.array(float(duration))}
-    if isinstance(trajectory, Sphere):
-        changed["precessions"] = np.asarray(trajectory.precessions) * duration / spec.duration
-    return dataclasses.replace(spec, trajectory=dataclasses.replace(trajectory, **changed), duration=float(duration))
+    return dataclasses.replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
 
 
 def shortest(spec: TrajectorySpec) -> float:
     """Return how short a trajectory may be made, its ramps as they are [s]."""
     trajectory: Any = spec.trajectory
-    motions = 3 if isinstance(trajectory, Harmonic) else 1
-    return trajectory.shortest if isinstance(trajectory, Multisine) else 2 * motions * float(trajectory.ramp)
+    return float(trajectory.shortest)
 
 
 def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:

@@ -19,7 +19,6 @@ VIEWS = {
     "uq.coverage.coverage_intervals.Verdict": f"{TABLES}.measurands:verdict",
     "uq.identification.run_scatter.ScatterVerdict": f"{TABLES}.measurands:scatter",
     "uq.planning.measurement_plan.MeasurementPlan": f"{TABLES}.planning",
-    "uq.planning.motion_export.MotionExport": f"{TABLES}.motion",
     "uq.planning.pose_plan.PosePlan": f"{TABLES}.poses",
     "uq.planning.required_duration.Duration": f"{TABLES}.planning:duration",
     "uq.planning.sensor_worth.SensorWorth": f"{TABLES}.planning:worth",

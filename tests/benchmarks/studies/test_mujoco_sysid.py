@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from identify.rigid_body.inertia import Body
 from identify.serial_arm.joint_series import JointSeries
 from identify.signals.run import Run
-from uq.arm.arm import Arm
-from uq.arm.mujoco_run import simulated
 from uq.experiment.experiment import Experiment
+from uq.motion_design.arm.arm import Arm
+from uq.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
 

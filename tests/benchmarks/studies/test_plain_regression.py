@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from identify.serial_arm.joint_series import JointSeries
-from uq.arm.arm import Arm
-from uq.arm.mujoco_run import simulated
 from uq.experiment.experiment import Experiment
+from uq.motion_design.arm.arm import Arm
+from uq.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
 pytest.importorskip("pinocchio")

@@ -89,7 +89,7 @@ def test_a_motion_needs_just_what_it_uses(preset):
     platform = named("assumed-source-size")
     motion = motion_of(preset, "T1", platform, rate=50.0)
     asked = effort(platform, preset.body, jnp.asarray(preset.r_cg_from_omb), motion, GRAVITY)
-    needed = needs(asked, 5.0)
+    needed = needs(asked)._replace(bandwidth=5.0)
     listed = peaks(asked, needed, motion.t)
     assert {peak.quantity for peak in listed} == {"length", "speed", "acceleration", "force"}
     np.testing.assert_allclose([peak.share for peak in listed], 1.0, rtol=1e-12)

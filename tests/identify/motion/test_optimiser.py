@@ -118,7 +118,7 @@ def test_the_bound_is_tight_and_below_everything(generator):
     """Against the primal problem, solved by another route: factors of L with rows of the allowed length."""
     to_alpha = generator.normal(size=(3, 6))
     most = generator.uniform(0.5, 2.0, 6)
-    bound = least(uncertainty, np.eye(6), most, to_alpha)
+    bound = least(uncertainty, most, to_alpha)
 
     def primal(x):
         rows = x.reshape(6, 6)
@@ -130,13 +130,5 @@ def test_the_bound_is_tight_and_below_everything(generator):
         scipy_minimize(lambda x: tuple(map(np.asarray, slope(x))), generator.normal(size=36), jac=True).fun
         for _ in range(3)
     ]
-    assert bound.value <= min(values)
-    np.testing.assert_allclose(bound.value, min(values), rtol=5e-3)
-    np.testing.assert_allclose(bound.weights.sum(), 1)
-
-
-def test_more_constraints_raise_the_bound(generator):
-    to_alpha, rows = generator.normal(size=(3, 6)), np.vstack([np.eye(6), generator.normal(size=(4, 6))])
-    fewer = least(uncertainty, np.eye(6), np.ones(6), to_alpha).value
-    more = least(uncertainty, rows, np.concatenate([np.ones(6), np.full(4, 0.5)]), to_alpha).value
-    assert more > fewer
+    assert bound <= min(values)
+    np.testing.assert_allclose(bound, min(values), rtol=5e-3)

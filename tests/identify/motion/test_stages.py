@@ -18,11 +18,11 @@ from identify.motion.trajectory import sample
 from identify.motion.window import swell
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from identify.rigid_body.rotation import exponential
-from uq.excitation.design_bound import average_uncertainty
-from uq.excitation.reference_trajectory import scaled
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.experiment.multisine_table import COLUMNS, START, multisine_csv
-from uq.planning.motion_export import export_motion
+from uq.motion_design.hexapod.design_bound import average_uncertainty
+from uq.motion_design.hexapod.motion_export import export_motion
+from uq.motion_design.hexapod.reference_trajectory import stretched
 from uq.planning.required_duration import lasting, shortest
 
 DURATION, RAMP = 12.0, 1.0
@@ -62,7 +62,6 @@ def test_one_stage_is_the_sum_of_sines_times_the_window(staged):
 def test_each_stage_moves_alone(staged):
     """The first as if there were no other, and at rest, with its rates, where the next one starts."""
     np.testing.assert_array_equal(np.unique(staged.end), [3.0, 7.0, 12.0])
-    assert staged.stages == 3
     first = dataclasses.replace(only(staged, 0.0), duration=np.array(3.0))
     t = jnp.linspace(0, 3, 61)
     np.testing.assert_allclose(
@@ -155,7 +154,7 @@ def test_another_duration_keeps_the_shares(preset, tmp_path, staged):
     longer = lasting(spec, 23.0).trajectory
     np.testing.assert_allclose(longer.start, np.repeat([0, 6, 14], 2))  # 5.75 and 13.42 s by shares, periods of 2 s
     assert (longer.duration, longer.ramp) == (23, 1)
-    np.testing.assert_allclose(scaled(spec, 1.0, 1.0, 24.0).trajectory.start, 2 * np.asarray(staged.start))
+    np.testing.assert_allclose(stretched(spec, 24.0).trajectory.start, 2 * np.asarray(staged.start))
     assert shortest(spec) == pytest.approx(2 * 12 / 3)
     with pytest.raises(ExperimentError, match="two ramps of 1 s in each stage"):
         lasting(spec, 7.9)
@@ -188,7 +187,11 @@ def moved_by(stages, *given):
 
 def test_stages_move_as_their_trajectory(platform, stages, generator):
     """Pose, specific force and three derivatives, in the ramps too, against the trajectory that a campaign samples."""
-    unknowns, offset, gravity = 0.2 * generator.normal(size=stages.unknowns), jnp.array([0.01, -0.02, 0.1]), 9.81
+    unknowns, offset, gravity = (
+        0.2 * generator.normal(size=stages.count * stages.periodic.unknowns),
+        jnp.array([0.01, -0.02, 0.1]),
+        9.81,
+    )
     np.testing.assert_array_equal(stages.border, [0, 13, 21])
     moved = moved_by(stages, platform, jnp.asarray(unknowns), offset, jnp.array(gravity))
     trajectory, t = stages.multisine(unknowns), moved.body.t
@@ -225,7 +228,7 @@ def test_peaks_between_the_instants_are_seen(stages, generator):
 
 
 def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
-    unknowns = 0.2 * generator.normal(size=stages.unknowns)
+    unknowns = 0.2 * generator.normal(size=stages.count * stages.periodic.unknowns)
     whole, short = stages.multisine(unknowns), stages.multisine(unknowns, short=True)
     assert float(short.duration) == pytest.approx(4 + 2 * 2.8, abs=1.0)
     largest = [
@@ -237,7 +240,7 @@ def test_a_shortened_run_has_the_same_peaks(platform, stages, generator):
 
 def test_instants_stand_for_the_whole_run(platform, stages, generator):
     """The mean square of alpha over the run, by 400 samples a second: what is left out next to rest is little."""
-    unknowns = 0.2 * generator.normal(size=stages.unknowns)
+    unknowns = 0.2 * generator.normal(size=stages.count * stages.periodic.unknowns)
     moved = moved_by(stages, platform, jnp.asarray(unknowns), jnp.zeros(3), jnp.array(9.81))
     alpha = jax.jit(jax.vmap(stages.multisine(unknowns).alpha))(jnp.arange(0, 21, 1 / 400))
     ours = np.einsum("n,in,jn->ij", stages.seconds, moved.body.alpha, moved.body.alpha)
@@ -250,7 +253,7 @@ def test_weights_are_repeated_instants(preset, stages, platform, generator):
     from uq.propagation.prediction import Prediction
 
     prediction = Prediction.of(preset, dataclasses.replace(preset.trajectories["T1"], still="omb"))
-    motion = jnp.asarray(generator.normal(size=stages.unknowns) / 5)
+    motion = jnp.asarray(generator.normal(size=stages.count * stages.periodic.unknowns) / 5)
     moved = moved_by(stages, platform, motion, jnp.zeros(3), jnp.array(9.81))
     moved = jax.tree.map(np.asarray, moved)
     n = moved.jerk.shape[1]

@@ -22,14 +22,14 @@ from identify.rigid_body.principal_axes import principal
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import main
-from uq.excitation.design import Design, Start
-from uq.excitation.design_bound import DesignBound
-from uq.excitation.design_report import design_report
-from uq.excitation.designed_experiment import designed_files, trajectory_table
-from uq.excitation.platform_scene import cuboid
-from uq.excitation.rig_limits import efforts, uses
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
+from uq.motion_design.hexapod.design import Design, Start
+from uq.motion_design.hexapod.design_bound import DesignBound
+from uq.motion_design.hexapod.design_report import design_report
+from uq.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
+from uq.motion_design.hexapod.platform_scene import cuboid
+from uq.motion_design.hexapod.rig_limits import efforts, uses
 
 SECONDS = 20.0
 BOUND = DesignBound(1e-3, 0.5e-3, ("ramps take no time",))
@@ -51,7 +51,7 @@ def design(preset):
     """A motion as a search might find it."""
     experiment = Experiment.from_dict(document(preset))
     given = experiment.trajectories["T1"]
-    limits = needs(efforts(experiment, given, 50.0), 2.0)
+    limits = needs(efforts(experiment, given, 50.0))._replace(bandwidth=2.0)
     amplitudes = np.random.default_rng(2).normal(size=(2, 6, 3)) * np.repeat([0.001, 0.02], 3)[:, None]
     motion = Multisine(np.array([0.6, 1.0, 1.6]), *amplitudes, np.array(SECONDS), np.array(3.0))
     spec = dataclasses.replace(given, still="omb", trajectory=motion)

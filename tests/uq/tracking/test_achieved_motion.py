@@ -15,7 +15,6 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
-from uq.planning.motion_export import scaled
 from uq.recorded.load_run import load_run
 from uq.tracking.achieved_motion import achieved
 from uq.tracking.centre_stillness import SLOWEST
@@ -53,7 +52,7 @@ def experiment(preset):
 def ran(experiment, path, *, gain=1.0, lag=0.0, quiet=False, r_cg_from_omb=None):
     """A recorded run of T1 by a platform that is small and late, or that turns about another point."""
     spec = experiment.trajectories["T1"]
-    moved = Late(scaled(spec.trajectory, gain), jnp.array(lag), jnp.array(SECONDS + 1), spec.trajectory.ramp)
+    moved = Late(spec.trajectory.scaled(gain), jnp.array(lag), jnp.array(SECONDS + 1), spec.trajectory.ramp)
     real = dataclasses.replace(spec, trajectory=moved, duration=SECONDS + 1)
     if r_cg_from_omb is not None:  # the platform's centre keeps still, so that the true centre of gravity moves
         real = dataclasses.replace(real, still="omb")

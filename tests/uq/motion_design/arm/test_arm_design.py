@@ -1,0 +1,240 @@
+"""A short design for the arm of docs/experiments: its limits by Pinocchio and Coal, its files, MuJoCo, the command."""
+
+import contextlib
+import copy
+import io
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import uq.motion_design.arm.arm_design as arm_design
+import uq.motion_design.arm.arm_report
+from identify.motion.limit_peaks import Peak
+from identify.rigid_body.regressor import wrench_regressor
+from identify.serial_arm.joint_series import JointSeries
+from identify.serial_arm.payload_information import about_cg
+from rig.exceptions import RigError
+from uq.cli.main import main
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.motion_design.arm.arm_design import design_arm, goal_function
+from uq.motion_design.arm.arm_report import arm_report
+from uq.motion_design.arm.joint_export import joint_files
+from uq.motion_design.arm.largest_motion import largest_size
+from uq.motion_design.arm.mujoco_run import simulated
+from uq.motion_design.arm.predicted_payload import average_expanded
+
+pytest.importorskip("mujoco")
+pinocchio = pytest.importorskip("pinocchio")
+
+EXPERIMENTS = Path(__file__).parents[4] / "docs" / "experiments"
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    document = copy.deepcopy(dict(Experiment.load(EXPERIMENTS / "arm.toml").document))
+    document["platform"] |= {"rate": "200 Hz", "limits": {**document["platform"]["limits"], "bandwidth": "1.5 Hz"}}
+    return Experiment.from_dict(document, EXPERIMENTS)
+
+
+@pytest.fixture(scope="module")
+def design(experiment):
+    """Searched on one grid alone: to compile another takes longer than all the rest."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arm_design, "CYCLES", 0)
+        return design_arm(experiment, duration=8.0, period=2.0, ramp=1.0, starts=1, rounds=6, steps=25, random=1)
+
+
+@pytest.fixture(scope="module")
+def report(design):
+    return arm_report(design, rehearsal=0.5)
+
+
+def test_a_motion_is_written_before_it_is_simulated(design, tmp_path, capsys, monkeypatch):
+    def fails(*_):
+        assert {path.suffix for path in (tmp_path / "out").iterdir()} >= {".csv", ".yaml"}
+        raise ExperimentError("the simulation fails")
+
+    monkeypatch.setattr(arm_design, "design_arm", lambda *_, **__: design)
+    monkeypatch.setattr(uq.motion_design.arm.arm_report, "simulated", fails)
+    arguments = [str(EXPERIMENTS / "arm.toml"), "--rehearsal", "0.5", "--out", str(tmp_path / "out")]
+    assert main(["design", *arguments]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "error: the simulation fails"
+    assert (tmp_path / "out" / "motion.csv").read_bytes() == joint_files(design.limits.arm, design.designed.series)[
+        "motion.csv"
+    ]
+    assert (tmp_path / "out" / "rehearsal.joint_trajectory.yaml").exists()
+
+
+def test_no_limit_is_exceeded_on_a_finer_grid(design):
+    """Ten times finer than the search's grid of ten instants a period, over the whole run; torques by Pinocchio."""
+    arm, body = design.limits.arm, design.experiment.body
+    t = np.linspace(0, 8, 8 * 15 * 10 + 1)
+    q, speed, acceleration = map(np.asarray, design.designed.series.states(t))
+    np.testing.assert_allclose(q[[0, -1]], np.tile(arm.home, (2, 1)), atol=1e-12)
+    np.testing.assert_allclose(speed[[0, -1]], 0, atol=1e-12)
+    met = 1 + 2e-3  # the largest use lies between the instants of two grids
+    assert (q >= arm.position[:, 0]).all()
+    assert (q <= arm.position[:, 1]).all()
+    assert (np.abs(speed) <= met * arm.speed).all()
+    assert (np.abs(acceleration) <= met * arm.acceleration).all()
+    model = pinocchio.buildModelFromUrdf(arm.declared.urdf)
+    model.gravity.linear = np.array([0, 0, -9.81])
+    i11, i12, i13, i22, i23, i33 = body.inertia
+    tensor = np.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]])
+    tool = model.frames[model.getFrameId("tool")]
+    load = pinocchio.Inertia(float(body.mass), np.asarray(body.r_cg_from_q), tensor)
+    model.appendBodyToJoint(tool.parentJoint, load, tool.placement)
+    data = model.createData()
+    torque = np.array([pinocchio.rnea(model, data, *each) for each in zip(q, speed, acceleration, strict=True)])
+    assert (np.abs(torque) <= met * model.effortLimit).all()
+    effort = max(peak.share for peak in design.designed.peaks if peak.quantity == "effort")
+    np.testing.assert_allclose(np.abs(torque / model.effortLimit).max(), effort, rtol=2e-3)
+    assert not list(design.limits.clearance.touches(q[::5]))
+    assert design.designed.peaks[0].share > 0.97, design.designed.peaks[0]  # the limits are used
+
+
+def test_the_design_beats_common_practice(design):
+    averages = {name: average_expanded(each.covariance) for name, each in design.motions.items()}
+    for what in ("moments", "products"):
+        assert averages["designed"][what] < 0.8 * averages["random"][what]
+        assert averages["designed"][what] < 0.8 * averages["single"][what]
+    goal = goal_function("all", design.experiment, design.motions["random"].covariance)
+    np.testing.assert_allclose(goal(design.designed.covariance), design.starts[0][0])  # of no further search
+
+
+def test_the_promise_is_that_of_the_simulated_samples(design, report):
+    """Least squares on all samples of MuJoCo's run: without noise the truth; its covariance is what was promised."""
+    run, body = report.run, design.experiment.body
+    motion = jax.tree.map(jnp.asarray, design.limits.tool(run.joints))
+    rows = np.asarray(jax.jit(jax.vmap(wrench_regressor))(*motion))
+    whiten = np.diag([10.0] * 3 + [200.0] * 3)  # 0.1 N and 5 mN·m
+    columns = np.concatenate([np.concatenate([whiten @ row, whiten], axis=1) for row in rows])
+    estimate = np.linalg.lstsq(columns, (run.wrench @ whiten).ravel())[0]
+    np.testing.assert_allclose(about_cg(jnp.asarray(estimate[:10])), [2, 0.02, -0.03, 0.048, *body.inertia], rtol=1e-6)
+    at_q = np.linalg.inv(columns.T @ columns)[:10, :10]
+    np.testing.assert_allclose(np.diag(at_q)[0], design.designed.covariance[0, 0], rtol=0.05)  # tracking error
+
+
+def test_mujoco_follows_and_touches_nothing(report):
+    run = report.run
+    assert not run.contacts
+    assert (run.tracking_error > 1e-5).all(), run.tracking_error
+    assert (run.tracking_error < 0.05).all(), run.tracking_error
+    assert {peak.quantity for peak in run.peaks} == {"position", "speed", "acceleration", "effort"}
+    assert max(peak.share for peak in run.peaks if peak.quantity == "speed") < 1.1
+
+
+def test_simulated_speeds_and_accelerations_are_the_derivatives_of_the_positions(report):
+    """By a cubic spline; half a step of the simulation, 1.25 ms, would shift speeds by 1e-3 of the acceleration."""
+    run = report.run
+    spline, largest = CubicSpline(run.t, run.joints.position), np.abs(run.joints.acceleration).max()
+    np.testing.assert_allclose(spline(run.t, 1), run.joints.speed, atol=3e-4 * largest)
+    np.testing.assert_allclose(spline(run.t, 2)[5:-5], run.joints.acceleration[5:-5], atol=3e-3 * largest)
+
+
+def test_a_contact_is_seen(design):
+    """A motion that leans the arm to the floor within its joints' limits."""
+    arm, still = design.limits.arm, np.zeros((6, 1))
+    lean = still + np.array([[0.0], [1.9], [0.0], [0.0], [0.0], [0.0]])
+    series = JointSeries(arm.home, np.zeros(1), lean, still, np.zeros(1), np.array([4.0]), np.array(1.9))
+    run = simulated(arm, design.experiment.body, 9.81, series)
+    assert run.contacts
+    assert "touch at" in run.contacts[0]
+
+
+def test_the_files_say_the_motion(design, report):
+    arm, files = design.limits.arm, report.files()
+    assert sorted(files) == sorted(
+        f"{name}.{end}" for name in ("motion", "rehearsal") for end in ("csv", "joint_trajectory.yaml", "script")
+    )
+    table = np.genfromtxt(io.BytesIO(files["motion.csv"]), delimiter=",", names=True, deletechars="")
+    assert len(table) == 8 * 200 + 1
+    q, speed, _ = map(np.asarray, design.designed.series.states(table["t_s"]))
+    np.testing.assert_allclose(table["lift.q"], q[:, 1], atol=1e-9)
+    np.testing.assert_allclose(table["wrist_3.qd"], speed[:, 5], atol=1e-9)
+    message = json.loads(files["motion.joint_trajectory.yaml"])  # which is YAML, too
+    assert message["joint_names"] == list(arm.names)
+    point = message["points"][301]
+    assert point["time_from_start"] == {"sec": 1, "nanosec": 505_000_000}
+    np.testing.assert_allclose(point["positions"], q[301], atol=1e-9)
+    rows = [line for line in files["motion.script"].decode().splitlines() if "servoj(" in line]
+    assert len(rows) == len(table)
+    assert rows[301].endswith("t=0.005, lookahead_time=0.03, gain=300)")
+    slow = np.genfromtxt(io.BytesIO(files["rehearsal.csv"]), delimiter=",", names=True, deletechars="")
+    assert slow["t_s"][-1] == 16.0
+    np.testing.assert_allclose(slow["pan.q"][::2], table["pan.q"], atol=1e-9)
+    np.testing.assert_allclose(slow["pan.qd"][::2], table["pan.qd"] / 2, atol=1e-9)
+
+
+def test_a_d_optimal_goal_is_the_determinant(design):
+    reference = design.motions["random"].covariance
+    of = goal_function("determinant", design.experiment, reference)
+    np.testing.assert_allclose(of(reference), 1.0)
+    np.testing.assert_allclose(of(4 * reference), 2.0)
+    of = goal_function("all", design.experiment, reference)
+    np.testing.assert_allclose(of(4 * reference), 2.0)
+
+
+BAD = [
+    ({"goal": "fast"}, "unknown goal 'fast'"), ({"starts": 0}, "0 starts: ask for one at least"),
+    ({"duration": -1.0}, "a duration of -1 s"),
+    ({"duration": 6.0}, "no room for a period of 5 s .* state a period of 0.667 to 2 s, or measure for 9 s or longer"),
+    ({"duration": 4.0}, "two ramps of 2 s, up to 1.5 Hz: measure for 9 s or longer"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "message"), BAD)
+def test_a_design_that_cannot_be_is_one_line(experiment, options, message, monkeypatch):
+    monkeypatch.setattr(arm_design, "random_series", None)
+    with pytest.raises(ExperimentError, match=message):
+        design_arm(experiment, **options)
+
+
+@pytest.fixture
+def ready(design, monkeypatch):
+    monkeypatch.setattr(arm_design, "design_arm", lambda *_, **__: design)
+
+
+def test_the_command_writes_report_and_files(ready, tmp_path):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        assert main(["design", str(EXPERIMENTS / "arm.toml"), "--out", str(tmp_path)]) == 0
+    assert "against the best random series" in out.getvalue()
+    assert "one joint at a time" in out.getvalue()
+    content = json.loads((tmp_path / "result.json").read_text())
+    assert content["kind"] == "inertia design arm"
+    assert list(content["motions"]) == ["designed", "random", "single"]
+    assert {"motion.csv", "motion.script", "report.html", "joints.svg"} <= {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("option", [["--poses", "5"], ["--reference", "T1"], ["--achieved", "run.mcap"]])
+def test_options_of_six_legs_are_refused(ready, option, capsys):
+    assert main(["design", str(EXPERIMENTS / "arm.toml"), *option]) == 2
+    assert "six legs, not" in capsys.readouterr().err
+
+
+def test_without_mujoco_its_name_is_told(design, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    with pytest.raises(RigError, match=r"pip install inertia-uq\[arm\]"):
+        arm_report(design)
+
+
+def test_the_largest_size_is_near_the_full_one_where_some_smaller_ones_bring_links_too_near(design, monkeypatch):
+    sizes = []
+
+    def of_size(size):
+        sizes.append(size)
+        return design.designed.series
+
+    def peaks_of(series, t):
+        met = 0.95 < sizes[-1] < 0.99 or sizes[-1] < 0.4
+        return [Peak("clearance", 0.9 if met else 1.1, 0, "forearm", 1.0)]
+
+    monkeypatch.setattr(design.limits, "peaks_of", peaks_of)
+    assert 0.9895 < largest_size(design.limits, of_size, np.linspace(0, 8, 100))[0] < 0.99

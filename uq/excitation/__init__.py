@@ -1,1 +1,0 @@
-"""The trajectory of least predicted uncertainty under a platform's limits."""

@@ -1,0 +1,213 @@
+"""Distances of an arm's links from each other and from the floor: lower bounds for the search, Coal for the check.
+
+The shapes are the collision shapes of the URDF; links that a joint connects may touch. For the search every shape is
+covered by spheres along its longest axis. Their distance from the other shape, in closed form, is at most that of the
+two shapes, and the larger of both ways round is a close bound, of which JAX has the gradient. The check asks the
+library Coal, which comes with Pinocchio, for the shapes themselves.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from identify.serial_arm.serial_chain import poses
+from rig.exceptions import reason
+from uq.files.document import ExperimentError
+from uq.motion_design.arm.arm import Arm
+from uq.motion_design.arm.collision_meshes import with_mesh_files
+from uq.recorded.urdf_model import silence
+
+FLOOR = "the floor"
+CLOSER = 3
+"""Covering spheres in a shape's length, in its radii."""
+
+
+class Touch(NamedTuple):
+    """Two links that come too near."""
+
+    first: str
+    second: str
+    instant: int
+    """Number of the instant."""
+
+
+class Shape(NamedTuple):
+    """A link's collision shape: a cylinder about its z, or the box that holds any other."""
+
+    link: int
+    """Number of the frame that carries the shape: 0 the base, k the link that joint k moves."""
+    rotation: Float[np.ndarray, "3 3"]
+    """Rotation from the shape's axes to the link's."""
+    position: Float[np.ndarray, "3"]
+    """Position of the shape's middle, in the link's frame [m]."""
+    half: Float[np.ndarray, "3"]
+    """Half of the shape's size along each of its axes [m]."""
+    is_round: bool
+
+    def lowest(self, upwards: Float[Array, "3"]) -> Float[Array, ""]:
+        """Return how far it reaches below its middle, if up is this in its own axes [m]."""
+        if self.is_round:
+            across = jnp.sqrt(upwards[0] ** 2 + upwards[1] ** 2 + 1e-12)
+            return self.half[0] * across + self.half[2] * jnp.abs(upwards[2])
+        return jnp.abs(upwards) @ self.half
+
+    def cover(self) -> tuple[Float[np.ndarray, "s 3"], float]:
+        """Return centres, in the link's frame, and the radius of spheres along its longest axis that hold it."""
+        longest = 2 if self.is_round else int(np.argmax(self.half))
+        across = np.delete(self.half, longest)
+        wide = float(across[0] if self.is_round else np.linalg.norm(across))
+        count = int(np.ceil(CLOSER * self.half[longest] / max(wide, 1e-3)))
+        along = np.zeros((count, 3))
+        along[:, longest] = self.half[longest] * (2 * np.arange(count) + 1 - count) / count
+        return along @ self.rotation.T + self.position, float(np.hypot(wide, self.half[longest] / count))
+
+
+def distance(
+    point: Float[Array, "p s 3"], half: Float[Array, "p 1 3"], is_round: Bool[Array, "p 1"]
+) -> Float[Array, "p s"]:
+    """Return how far points are outside of shapes, in the shapes' own axes; negative inside [m]."""
+    across = jnp.sqrt((point[..., :2] ** 2).sum(axis=-1) + 1e-12)
+    beyond = jnp.abs(point) - half
+    radial = jnp.stack([across - half[..., 0], jnp.full_like(across, -jnp.inf), beyond[..., 2]], axis=-1)
+    beyond = jnp.where(is_round[..., None], radial, beyond)
+    outside = jnp.sqrt((jnp.maximum(beyond, 0.0) ** 2).sum(axis=-1) + 1e-12)
+    return outside + jnp.minimum(beyond.max(axis=-1), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """An arm's shapes, and the pairs of them that must keep their distance."""
+
+    arm: Arm
+    geometry: Any
+    """Pinocchio's, with these pairs."""
+    shapes: tuple[Shape, ...]
+    pairs: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, arm: Arm) -> "Clearance":
+        """Read the shapes of an arm's URDF.
+
+        Raises:
+            ExperimentError: a shape cannot be read, or links are too near each other at home.
+        """
+        geometry = _geometry(arm)
+        shapes = tuple(_shape(shape) for shape in geometry.geometryObjects if shape.name != FLOOR)
+        pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs if pair.second < len(shapes)]
+        clearance = cls(arm, geometry, shapes, tuple(pairs))
+        if touch := next(clearance.touches(arm.home[None]), None):
+            raise ExperimentError(
+                f"platform.home: {touch.first} is nearer to {touch.second} than platform.clearance: choose "
+                "another home, or smaller collision shapes"
+            )
+        bounds = np.asarray(
+            jax.jit(clearance.gaps)(jnp.asarray(arm.home))
+        )  # what only seems too near is left to the check
+        apart = [pair for pair, gap in zip(pairs, bounds, strict=False) if gap > arm.declared.clearance]
+        return cls(arm, geometry, shapes, tuple(apart))
+
+    def gaps(self, q: Float[Array, " n"]) -> Float[Array, " p"]:
+        """Return a lower bound of the distance of each pair, then each moving shape's height above the floor [m]."""
+        frames = poses(self.arm.chain, q)
+        turns = jnp.concatenate([jnp.eye(3)[None], frames.rotation])
+        places = jnp.concatenate([jnp.zeros((1, 3)), frames.position])
+        gaps = [self._between(turns, places)] if self.pairs else []
+        if (floor := self.arm.declared.floor) is not None:
+            moving = [shape for shape in self.shapes if shape.link > 1]
+            heights = [places[shape.link][2] + turns[shape.link][2] @ shape.position for shape in moving]
+            lowest = [shape.lowest(turns[shape.link][2] @ shape.rotation) for shape in moving]
+            gaps.append(jnp.stack(heights) - jnp.stack(lowest) - floor)
+        return jnp.concatenate(gaps) if gaps else jnp.zeros(0)
+
+    def _between(self, turns: Float[Array, "m 3 3"], places: Float[Array, "m 3"]) -> Float[Array, " p"]:
+        """A lower bound of the distance of each pair: the larger of its two ways round."""
+        covers = [shape.cover() for shape in self.shapes]
+        most = max(len(centres) for centres, _ in covers)
+        filled = np.array([np.resize(centres, (most, 3)) for centres, _ in covers])
+        link, turn, place, half, is_round = (np.array(values) for values in zip(*self.shapes, strict=True))
+        radius = np.array([size for _, size in covers])
+        spheres = places[link][:, None] + jnp.einsum("aij,asj->asi", turns[link], filled)
+        middle = places[link] + jnp.einsum("aij,aj->ai", turns[link], place)
+        axes = jnp.einsum("aij,ajk->aik", turns[link], turn)
+        covered, other = np.concatenate([np.array(self.pairs), np.array(self.pairs)[:, ::-1]]).T
+        local = jnp.einsum("pik,psi->psk", axes[other], spheres[covered] - middle[other][:, None])
+        outside = distance(local, jnp.asarray(half[other])[:, None], jnp.asarray(is_round[other])[:, None])
+        return (outside.min(axis=1) - radius[covered]).reshape(2, -1).max(axis=0)
+
+    def touches(self, q: Float[np.ndarray, "t n"]) -> Iterator[Touch]:
+        """Yield the first pair of each instant that is nearer than the clearance, by the shapes themselves."""
+        import pinocchio
+
+        model, data, collisions = self.arm.model, self.arm.model.createData(), self.geometry.createData()
+        for request in collisions.collisionRequests:
+            request.security_margin = self.arm.declared.clearance
+        for instant, at in enumerate(q):
+            position = self.arm.in_pinocchio(at)
+            if not pinocchio.computeCollisions(model, data, self.geometry, collisions, position, True):
+                continue
+            for pair, result in zip(self.geometry.collisionPairs, collisions.collisionResults, strict=True):
+                if result.isCollision():
+                    yield Touch(self._link(pair.first), self._link(pair.second), instant)
+                    break
+
+    def name(self, number: int) -> str:
+        """Return what to call a gap of :meth:`gaps`."""
+        if number < len(self.pairs):
+            return " and ".join(map(self._link, self.pairs[number]))
+        moving = [k for k, shape in enumerate(self.shapes) if shape.link > 1]
+        return f"{self._link(moving[number - len(self.pairs)])} and {FLOOR}"
+
+    def _link(self, number: int) -> str:
+        """The name of a shape's link."""
+        shape = self.geometry.geometryObjects[number]
+        return FLOOR if shape.name == FLOOR else str(self.arm.model.frames[shape.parentFrame].name)
+
+
+def _geometry(arm: Arm) -> Any:
+    """Pinocchio's geometry of an arm, with the pairs that must not touch: not those that a joint connects."""
+    import coal
+    import pinocchio
+
+    urdf = arm.declared.urdf
+    robot = ElementTree.tostring(with_mesh_files(urdf, "platform.urdf"), "unicode")
+    try:
+        with silence():
+            geometry = pinocchio.buildGeomFromUrdfString(arm.model, robot, pinocchio.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise ExperimentError(
+            f"collision shapes of {Path(urdf).name} cannot be read ({reason(str(error).strip())}): "
+            "describe links by boxes, cylinders and spheres"
+        ) from None
+    geometry.removeAllCollisionPairs()
+    links = [shape.parentJoint for shape in geometry.geometryObjects]
+    for b in range(len(links)):
+        for a in range(b):
+            if abs(links[a] - links[b]) > 1:
+                geometry.addCollisionPair(pinocchio.CollisionPair(a, b))
+    if arm.declared.floor is not None:
+        plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), arm.declared.floor)
+        floor = geometry.addGeometryObject(pinocchio.GeometryObject(FLOOR, 0, pinocchio.SE3.Identity(), plane))
+        for number, link in enumerate(links):
+            if link > 1:
+                geometry.addCollisionPair(pinocchio.CollisionPair(number, floor))
+    return geometry
+
+
+def _shape(model: Any) -> Shape:
+    """A shape from Pinocchio's."""
+    model.geometry.computeLocalAABB()
+    box = model.geometry.aabb_local
+    low, high = np.array(box.min_).ravel(), np.array(box.max_).ravel()
+    turn, place = np.array(model.placement.rotation), np.array(model.placement.translation)
+    is_round = type(model.geometry).__name__ in ("Cylinder", "Capsule", "Sphere")
+    return Shape(
+        link=int(model.parentJoint), rotation=turn, position=place + turn @ (low + high) / 2, half=(high - low) / 2,
+        is_round=is_round,
+    )  # fmt: skip

@@ -1,0 +1,76 @@
+"""The uncertainty predicted for a payload: ten parameters by force and moment under the declared white noise."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from identify.rigid_body.inertia import MOMENTS, PRODUCTS, Body
+from identify.serial_arm.payload_information import covariance_about_cg, information
+from identify.serial_arm.serial_chain import LinkMotion
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.gram_sums.cases import Case
+from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
+
+
+class WrenchNoise(NamedTuple):
+    """The declared white noise of force and moment."""
+
+    covariance: Float[np.ndarray, "6 6"]
+    """Covariance of force and moment at one sample [N², N²·m, N²·m²]."""
+    left_out: tuple[str, ...]
+    """Names of the sources that it does not hold."""
+
+
+def declared_noise(experiment: Experiment, rate: float) -> WrenchNoise:
+    """Return the white noise of force and moment at a sample rate [Hz].
+
+    Raises:
+        ExperimentError: force or moment have none, or a source that the law cannot take.
+    """
+    names = ("F", "M", "omega")
+    anywhere = Peaks({name: np.zeros(3) for name in names}, {name: np.full(3, np.inf) for name in names})
+    load_cell = frozenset({"F", "M"})
+    counted = frozenset(s.name for s in experiment.sources if s.error_kind.white and load_cell.issuperset({s.target}))
+    constants = constants_of(experiment.sources, experiment.mixing)
+    cases = [Case("noise", counted)]
+    inputs = inputs_of_cases(cases, constants, experiment.sources, experiment.mixing, rate, anywhere)
+    covariance = np.asarray(inputs.wrench[0])
+    if np.linalg.eigvalsh(covariance / np.maximum(np.diag(covariance).max(), 1e-300))[0] <= 1e-12:
+        raise ExperimentError(
+            "no white noise of every force and moment among the sources: add [[source]] of kind precision for F and M"
+        )
+    return WrenchNoise(covariance, tuple(s.name for s in experiment.sources if s.name not in counted))
+
+
+def ten_parameters(motion: LinkMotion, samples: Float[Array, " t"], noise: Array, body: Body) -> Float[Array, "10 10"]:
+    """Return the covariance of mass, r_CG from Q and tensor about the centre of gravity that a motion promises.
+
+    Args:
+        motion: of the tool, instants first.
+        samples: number that every instant stands for.
+        noise: covariance of force and moment at one sample.
+        body: the payload.
+    """
+    body = jax.tree.map(jnp.asarray, body)
+    return covariance_about_cg(information(motion, samples, noise), body)
+
+
+_compiled = jax.jit(ten_parameters)
+
+
+def promised(
+    motion: LinkMotion, samples: Float[np.ndarray, " t"], noise: WrenchNoise, body: Body
+) -> Float[np.ndarray, "10 10"]:
+    """Return :func:`ten_parameters` of a motion that is there, in NumPy."""
+    arrays = jax.tree.map(jnp.asarray, (motion, samples, noise.covariance, body))
+    return np.asarray(_compiled(*arrays))
+
+
+def average_expanded(covariance: Float[np.ndarray, "10 10"]) -> dict[str, float]:
+    """Return the average 3σ of moments and of products [kg·m²]."""
+    expanded = 3 * np.sqrt(np.diag(np.asarray(covariance))[4:])
+    return {"moments": float(expanded[list(MOMENTS)].mean()), "products": float(expanded[list(PRODUCTS)].mean())}

@@ -1,0 +1,79 @@
+"""Figures of a design: the motion, the legs against their limits, who causes what, how long to measure."""
+
+from collections.abc import Mapping
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import FigureBase
+
+from identify.motion.leg_limits import Effort, Limits, shares
+from identify.rigid_body.inertia import GRAM_METRE
+from uq.campaign.statistics import Breakdown
+from uq.planning.required_duration import average
+from uq.propagation.law_result import LawStatistics
+from uq.report.figures.style import MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
+
+LEG_COLOURS = PALETTE[:6]
+
+
+def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> FigureBase:
+    """Draw the legs' lengths, speeds, accelerations and forces over a segment of time, in parts of each leg's limit.
+
+    Args:
+        t: instants [s].
+        asked: what the motion asks for at these.
+        limits: of the rig; a length counts from the middle of its range.
+    """
+    used = shares(asked, limits)
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(PAGE, 4.4, layout="constrained")
+        panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+        for panel, name in zip(panels, ("length", "speed", "acceleration", "force"), strict=True):
+            for k, share in enumerate(np.asarray(used[name]).T):
+                panel.plot(t, 100 * share, color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
+            for end in (-100, 100):
+                panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
+            panel.set(title="length, from the middle" if name == "length" else name, xlim=(t[0], t[-1]))
+        for panel in panels[::2]:
+            panel.set_ylabel("part of the limit [%]")
+        for panel in panels[2:]:
+            panel.set_xlabel("time [s]")
+        figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
+    return figure
+
+
+def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, float | None]) -> FigureBase:
+    """Draw the average 3σ of moments and products: all sources and the largest alone, a bar for each trajectory.
+
+    Args:
+        laws: by trajectory, all with the same sources.
+        bound: the least that any motion reaches, of ``moments`` and ``products`` [kg·m²]; None: not known.
+    """
+    first = next(iter(laws.values()))
+    widths = {
+        name: max(case.three_sigma.max() for case in (law.sources[name] for law in laws.values()))
+        for name in first.sources
+    }
+    sources = sorted(widths, key=lambda name: -widths[name])[:MOST]
+    names = ["total", *sources]
+    width = 0.8 / len(laws)
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(PAGE, 2.9, layout="constrained")
+        panels = figure.subplots(1, 2)
+        for panel, goal in zip(panels, ("moments", "products"), strict=True):
+            for k, (trajectory, law) in enumerate(laws.items()):
+                cases = [law.total, *(law.sources[name] for name in sources)]
+                values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
+                at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
+                panel.bar(at, values, width, color=PALETTE[1:][k % 7], label=label(trajectory))
+            least = bound.get(goal)
+            if least is not None:
+                panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
+            texts = [label(display_name(name)) for name in names]
+            panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
+            panel.set_title(goal)
+        panels[0].set_ylabel("average 3σ [g·m²]")
+        number = columns(["bound", *laws], PAGE)
+        figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=number)
+    return figure
