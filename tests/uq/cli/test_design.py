@@ -28,8 +28,8 @@ from uq.motion_design.hexapod.design import Design, Start
 from uq.motion_design.hexapod.design_bound import DesignBound
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
-from uq.motion_design.hexapod.platform_scene import cuboid
 from uq.motion_design.hexapod.rig_limits import efforts, uses
+from uq.report.figures.platform_scene import cuboid
 
 SECONDS = 20.0
 BOUND = DesignBound(1e-3, 0.5e-3, ("ramps take no time",))
@@ -182,7 +182,7 @@ def test_the_mean_error_stands_beside_the_dispersion(content, report):
     assert said["objective"] == "rms"
     assert said["promised_mean_error"]["I11"] == pytest.approx(-0.1)
     assert {"components.svg", "components.png"} <= set(content)
-    rows = report.trajectory_table().rows
+    rows = report.tables()[0].rows
     for name, law in report.laws.items():
         at = [row[0] for row in rows].index(name)
         figures = [[float(cell.replace("−", "-")) for cell in row[3:9]] for row in rows[at : at + 3]]
@@ -202,13 +202,13 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(report, objective, cure):
     sources = {**laws["designed"].sources, "omega_precision": dataclasses.replace(noise, mean_error=far.mean_error)}
     laws["designed"] = dataclasses.replace(laws["designed"], groups={"total": far}, sources=sources)
     changed = dataclasses.replace(report, laws=laws, design=dataclasses.replace(report.design, objective=objective))
-    first, second = changed.findings()
+    first, second = changed.warnings
     assert re.fullmatch(r"designed: the mean error exceeds 3σ: I33 −[\d.]+ g·m² \(2\.00 × 3σ\)\.", first)
     assert second == f"Most of the mean error is that of omega precision, which a longer run does not reduce.{cure}"
     assert changed.to_dict()["warnings"] == list(changed.section().findings[:2]) == [first, second]
     assert changed.notes() == [f"attention: {first}", f"attention: {second}", *report.sensors.notes()]
     quiet = {name: dataclasses.replace(law, groups={"total": total}) for name, law in laws.items()}
-    assert dataclasses.replace(report, laws=quiet).findings() == []
+    assert dataclasses.replace(report, laws=quiet).warnings == []
 
 
 def test_the_report_says_what_was_asked(content, report):
@@ -221,7 +221,7 @@ def test_the_report_says_what_was_asked(content, report):
         "No motion under these limits promises a 3σ of less than 1.00 g·m² (moments) and 0.500 g·m² (products)." in text
     )
     assert "The bound leaves out: ramps take no time." in text
-    assert report.trajectory_table().rows[-1][0] == "bound"
+    assert report.tables()[0].rows[-1][0] == "bound"
 
 
 def test_where_a_constant_source_rules_the_bound_is_no_promise(report):
@@ -235,13 +235,13 @@ def test_where_a_constant_source_rules_the_bound_is_no_promise(report):
     total = dataclasses.replace(law.total, covariance=law.total.covariance + np.eye(6))
     changed = dataclasses.replace(law, groups={**law.groups, "total": total}, sources={**law.sources, "r_cg": large})
     ruled = dataclasses.replace(report, laws={**report.laws, "designed": changed})
-    said = " ".join(ruled.verdicts())
+    said = ruled.title()
     assert (
         "The bound of the moments, 1.00 g·m², counts the load cell's noise alone, but r cg makes 100 % of the variance"
         in said
     )
     assert "No motion" not in said
-    assert ruled.trajectory_table().rows[-1][-4:] == ["1.00", "", "0.500", ""]
+    assert ruled.tables()[0].rows[-1][-4:] == ["1.00", "", "0.500", ""]
 
 
 def test_the_page_loads_nothing_and_its_platform_moves(content):

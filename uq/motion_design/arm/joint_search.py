@@ -42,6 +42,11 @@ class Candidate:
     peaks: tuple[Peak, ...]
     """Each limit's largest use over the whole run, largest first."""
 
+    @property
+    def expanded(self) -> Float[np.ndarray, "10"]:
+        """3σ of these parameters, in SI units."""
+        return 3 * np.sqrt(np.diag(self.covariance))
+
     def measured_by(self, goal: Goal) -> float:
         """Return what is to be small."""
         return float(goal(jnp.asarray(self.covariance)))

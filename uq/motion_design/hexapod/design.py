@@ -8,9 +8,6 @@ from identify.exceptions import explains_names
 from identify.motion.leg_limits import Limits
 from identify.motion.limit_peaks import Peak
 from identify.reporting import Shown
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import significant
-from identify.text_tables import Table
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.document import ExperimentError
 from uq.motion_design.design_goal import GOALS, OBJECTIVES, Measure, goal_of
@@ -82,14 +79,6 @@ class Design(Shown):
     """Highest frequency of the designed trajectory [Hz], for the differentiator."""
     objective: str = "rms"
     """Quantity that was minimised: three times the root mean square error, or 3σ (``3sigma``)."""
-
-    def tables(self) -> list[Table]:
-        """Return predicted 3σ and mean error of each component, of the design and of the reference, in g·m²."""
-        of_design = {"3σ, designed": self.expanded, "mean error, designed": self.mean_error}
-        of_reference = {"3σ, reference": self.expanded_reference, "mean error, reference": self.mean_error_reference}
-        figures = (of_design | of_reference).items()
-        rows = [[name, *map(significant, GRAM_METRE * values)] for name, values in figures]
-        return [Table("", ["g·m²", *COMPONENTS], rows)]
 
     @property
     def active(self) -> list[Peak]:

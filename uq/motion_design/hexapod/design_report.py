@@ -1,25 +1,137 @@
-"""The report of a design, computed: its budget beside known trajectories, sensors, durations, files."""
+"""The report of a design: its budget beside known trajectories, sensors, durations, files."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from identify.exceptions import explains_names
+from identify.reporting import plain
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
 from uq.motion_design.hexapod.design import Design
-from uq.motion_design.hexapod.design_result import GOALS, DesignReport
 from uq.motion_design.hexapod.designed_experiment import NAME, designed_files
 from uq.motion_design.hexapod.reference_trajectory import differentiator
-from uq.planning.required_duration import growth_of, half_of, required_duration
-from uq.planning.sensor_worth import sensor_worth
+from uq.motion_design.report import MotionReport, by_component
+from uq.planning.required_duration import Duration, average, growth_of, half_of, required_duration
+from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.propagation.experiment_law import law
+from uq.propagation.law_result import LawStatistics
 from uq.trials.progress_bar import Progress, progress_of
 
+OF_THE_CELL = (0, 1)
+"""Signals of the load cell, force and moment, as ``Source.signal`` numbers them."""
 BESIDE = ("T1", "T2", "T4")
 """Trajectories of the experiment that stand beside the design, where there are such."""
+
+
+@dataclass(frozen=True, repr=False)
+class DesignReport(MotionReport):
+    """A design and what its report states.
+
+    Example: ``design_report(design(experiment)).to_frame().loc["designed"]``.
+    """
+
+    kind = "inertia design"
+    design: Design
+    goal: str
+    laws: Mapping[str, Breakdown[LawStatistics]]
+    """Law of propagation by trajectory: ``designed`` first, then ``reference`` (rescaled and retimed), then others."""
+    bands: Mapping[str, float]
+    """Highest frequency that each trajectory's differentiator is matched to [Hz]."""
+    sensors: SensorWorth
+    durations: tuple[Duration, ...]
+    contents: Mapping[str, bytes]
+    """Contents of the files by name: ``designed.toml`` and the files that it names."""
+    provenance: Mapping[str, Any]
+
+    def averages(self, trajectory: str, objective: str = "3sigma") -> dict[str, float]:
+        """Return the average 3σ of moments and products by the law [kg·m²], or that of 3√(σ² + mean error²) (rms)."""
+        total = self.laws[trajectory].total
+        widths = total.three_rms if objective == "rms" else total.three_sigma
+        return {goal: average((widths / 3) ** 2, goal) for goal in BOTH}
+
+    @property
+    def bound(self) -> dict[str, float | None]:
+        """The least average 3σ that any motion under these limits reaches [kg·m²]; None: not known."""
+        bound = self.design.bound
+        return {goal: None if bound is None else float(getattr(bound, goal)) for goal in BOTH}
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return predicted 3σ, mean error and 3√(σ² + mean error²) by trajectory and component, in g·m²."""
+        return [
+            {"trajectory": name, "component": component}
+            | {key: GRAM_METRE * getattr(law.total, key)[k] for key in ("three_sigma", "mean_error", "three_rms")}
+            for name, law in self.laws.items()
+            for k, component in enumerate(COMPONENTS)
+        ]
+
+    def noise_share(self, goal: str) -> float:
+        """Return the part of the design's variance that the load cell's white noise makes, which the bound counts."""
+        shares = self.source_shares(goal)
+        return sum(shares[s.name] for s in self.design.experiment.sources if s.white and s.signal in OF_THE_CELL)
+
+    def source_shares(self, goal: str) -> dict[str, float]:
+        """Return each source's part in the sum of the goal's variances, of the design."""
+        law, components = self.laws[NAME], list(MOMENTS if goal == "moments" else PRODUCTS)
+        total = np.diag(law.total.covariance)[components].sum()
+        return {name: np.diag(s.covariance)[components].sum() / total for name, s in law.sources.items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings: mean errors of design and reference that exceed their 3σ, and their source."""
+        excess = [text for name in (NAME, "reference") for text in large_mean_error(name, self.laws[name].total)]
+        left_out = left_out_note(self.design.experiment.left_out)
+        if not excess:
+            return left_out
+        sources = {name: np.abs(case.mean_error).max() for name, case in self.laws[NAME].sources.items()}
+        most = max(sources, key=lambda name: sources[name]).replace("_", " ")
+        cure = "" if self.design.objective == "rms" else " The objective rms designs against it."
+        return [
+            *left_out,
+            *excess,
+            f"Most of the mean error is that of {most}, which a longer run does not reduce.{cure}",
+        ]
+
+    def content(self) -> dict[str, Any]:
+        """Return what result.json says of this design alone."""
+        design = self.design
+        return {
+            "objective": design.objective,
+            "improved": design.improved,
+            "trajectories": {
+                name: {
+                    "band_Hz": self.bands[name],
+                    "groups": {group: s.to_dict() for group, s in breakdown.groups.items()},
+                    "sources": {source: s.to_dict() for source, s in breakdown.sources.items()},
+                    **{
+                        key: {goal: GRAM_METRE * x for goal, x in self.averages(name, objective).items()}
+                        for key, objective in (("average_three_sigma", "3sigma"), ("average_three_rms", "rms"))
+                    },
+                }
+                for name, breakdown in self.laws.items()
+            },
+            "promised_three_sigma": by_component(GRAM_METRE * design.expanded),
+            "promised_three_sigma_reference": by_component(GRAM_METRE * design.expanded_reference),
+            "promised_mean_error": by_component(GRAM_METRE * design.mean_error),
+            "promised_mean_error_reference": by_component(GRAM_METRE * design.mean_error_reference),
+            "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
+            "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
+            "limits": [
+                plain({"quantity": peak.quantity, "share": peak.share, "part": peak.channel, "t": peak.t})
+                for peak in design.peaks
+            ],
+            "active": [str(peak) for peak in design.active],
+            "starts": [plain(start) for start in design.starts],
+            "sensors": self.sensors.to_dict(),
+            "durations": [duration.to_dict() for duration in self.durations],
+        }
 
 
 @explains_names
@@ -53,11 +165,11 @@ def design_report(
     sensors = sensor_worth(matched, NAME)
     growth = growth_of(matched, NAME)
     durations = []
-    for k, wanted in enumerate(GOALS):
-        tell("durations", k, len(GOALS))
+    for k, wanted in enumerate(BOTH):
+        tell("durations", k, len(BOTH))
         half = half_of(np.diag(laws[NAME].total.covariance), wanted)
         durations += [required_duration(matched, target, goal=wanted, growth=growth) for target in targets or (half,)]
-    tell("durations", len(GOALS), len(GOALS))
+    tell("durations", len(BOTH), len(BOTH))
     record = provenance(**experiment.inputs(), goal=goal)
     return DesignReport(
         design=design, goal=goal, laws=laws, bands=bands, sensors=sensors, durations=tuple(durations), contents=files,

@@ -14,8 +14,7 @@ import numpy as np
 from identify.motion.euler_angles import ORDER
 from identify.motion.leg_limits import leg_lengths
 from identify.motion.stewart_platform import Pose
-from identify.reporting import Result, Section
-from identify.text_tables import Table
+from identify.reporting import Result
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.motion_design.commanded import PlatformCommand
 from uq.motion_design.motion_formats import MotionFile, formats, written
@@ -65,36 +64,12 @@ class MotionExport(Result):
 
         place(self.contents, Path(folder))
 
-    def tables(self) -> list[Table]:
-        """Return each file, what it is, and how far it is from the motion."""
-        what = {motion_format.ending: motion_format.description for motion_format in formats(PlatformCommand)}
-        what["json"] = "columns, units, rotation order, signs"
-        rows = [
-            [name, what[name.partition(".")[2]], f"{self.differences[name]:.1e}" if name in self.differences else "–"]
-            for name in self.contents
-        ]
-        return [Table(self._caption(), ["file", "what", "off by, m or rad"], rows, FILES)]
-
     def records(self) -> list[dict[str, Any]]:
         """Return bytes of each file, and how far it is from the motion: position [m] or attitude [rad]."""
         return [
             {"file": name, "bytes": len(content), "difference": self.differences.get(name, np.nan)}
             for name, content in self.contents.items()
         ]
-
-    def overview(self) -> list[Table]:
-        """Return the same without a caption."""
-        return [dataclasses.replace(table, caption="") for table in self.tables()]
-
-    def _caption(self) -> str:
-        shares = f"{100 * self.speed:g} % of the speed, {100 * self.amplitude:g} % of the amplitude"
-        rehearsal = "" if self.speed == self.amplitude == 1 else f"; rehearsal at {shares}"
-        return f"Exported motion, {self.seconds:.4g} s{rehearsal}"
-
-    def section(self) -> Section:
-        """Return its part of a report."""
-        meaning = [f"{text[0].upper()}{text[1:]}." for text in (MEANING["frames"], MEANING["rotation"])]
-        return Section(self._caption(), details=self.tables(), assumptions=meaning, provenance=self.provenance)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says."""
@@ -182,6 +157,3 @@ def _about(experiment: Experiment, files: Sequence[MotionFile], rehearsal: Mappi
             for file in files
         },
     }
-
-
-FILES = "Each file was read back and compared with the motion; JSON says columns, units, rotation order, signs."

@@ -1,6 +1,8 @@
-"""Figures of a design: the motion, the legs against their limits, who causes what, how long to measure."""
+"""Figures of a designed motion: over time, of legs and joints against their limits, and the largest sources."""
 
 from collections.abc import Mapping
+from itertools import cycle
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -10,11 +12,49 @@ from matplotlib.figure import FigureBase
 from identify.motion.leg_limits import Effort, Limits, shares
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
+from uq.motion_design.arm.arm_design import ArmDesign
 from uq.planning.required_duration import average
 from uq.propagation.law_result import LawStatistics
 from uq.report.figures.style import MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
 
 LEG_COLOURS = PALETTE[:6]
+SHOWN = 12.0
+"""Length of an arm's motion that its figure shows, from the start [s]."""
+
+
+def over_time(
+    t: Float[np.ndarray, " n"], rows: Mapping[str, Float[np.ndarray, "n k"]], colours: Mapping[str, str]
+) -> FigureBase:
+    """Draw quantities over time.
+
+    Args:
+        t: instants [s].
+        rows: values by what stands at their panel, a column a channel.
+        colours: of the channels, by the name of the axis or joint.
+    """
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(PAGE, 4.2, layout="constrained")
+        panels = figure.subplots(len(rows), 1, sharex=True)
+        for panel, (quantity, values) in zip(panels, rows.items(), strict=True):
+            for channel, (name, colour) in zip(values.T, colours.items(), strict=True):
+                panel.plot(t, channel, color=colour, label=label(name))
+            panel.set_ylabel(quantity)
+        panels[0].legend(ncols=min(len(colours), 6), loc="lower right", bbox_to_anchor=(1, 0.98))
+        panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
+        figure.align_ylabels(panels)
+    return figure
+
+
+def joints(design: ArmDesign) -> FigureBase:
+    """Draw positions and speeds of an arm's joints from the start of the run, in parts of each joint's limit."""
+    arm = design.limits.arm
+    t = np.linspace(0.0, min(SHOWN, design.duration), 600)
+    used = arm.joint_shares(design.designed.series.sampled(t))
+    colours = dict(zip(arm.names, cycle(PALETTE), strict=False))
+    figure: Any = over_time(t, {f"{what} / limit": share for what, share in used.items()}, colours)
+    for panel in figure.axes:
+        panel.set_ylim(-1.05, 1.05)
+    return figure
 
 
 def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> FigureBase:
