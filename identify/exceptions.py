@@ -33,8 +33,8 @@ def explains_names(function: Callable[P, T]) -> Callable[P, T]:
         TypeError: when such a call is made.
     """
     parameters = signature(function).parameters.values()
-    by_position = [each.name for each in parameters if each.kind is not Parameter.KEYWORD_ONLY]
-    by_name = [each.name for each in parameters if each.kind is Parameter.KEYWORD_ONLY]
+    by_position = [parameter.name for parameter in parameters if parameter.kind is not Parameter.KEYWORD_ONLY]
+    by_name = [parameter.name for parameter in parameters if parameter.kind is Parameter.KEYWORD_ONLY]
 
     place = by_position.index("experiment") if "experiment" in by_position else None
 

@@ -51,8 +51,8 @@ class Pytree(ABC):  # noqa: B024 - subclasses have abstract methods
         if type(other) is not type(self):
             return NotImplemented
         both: Any = map(jax.tree.flatten, (self, other))
-        (leaves, tree), (others, of_other) = both
-        return bool(tree == of_other) and all(map(np.array_equal, leaves, others))
+        (leaves, tree), (others, other_tree) = both
+        return bool(tree == other_tree) and all(map(np.array_equal, leaves, others))
 
     def __hash__(self) -> int:
         """Return the hash of structure and leaves. Raises TypeError where a leaf is an array."""

@@ -50,17 +50,17 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | 
     right = [all(is_figure(row[k]) for row in rows) for k in range(len(head))]
     labels = list(takewhile(lambda k: not right[k], range(len(head))))
     labels = labels[:1] if len(labels) == len(head) else labels
-    room = terminal_width() if width is None else width
+    limit = terminal_width() if width is None else width
     tables = [list(range(len(head)))]
-    if room is not None and sum(widths) + 2 * (len(head) - 1) > room:
-        tables = _columns_that_fit(widths, labels, room)
+    if limit is not None and sum(widths) + 2 * (len(head) - 1) > limit:
+        tables = _columns_that_fit(widths, labels, limit)
 
     def draw(line: Sequence[str], columns: Sequence[int]) -> str:
         padding = {k: " " * (widths[k] - _width(line[k])) for k in columns}
         return "  ".join(padding[k] + line[k] if right[k] else line[k] + padding[k] for k in columns).rstrip()
 
     if not tables:
-        return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), room or 0))
+        return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), limit or 0))
     ruled = [lines[0], ["─" * width for width in widths], *lines[1:]]
     return "\n\n".join("\n".join(draw(line, columns) for line in ruled) for columns in tables)
 
@@ -76,30 +76,30 @@ def terminal_width() -> int | None:
         return None
 
 
-def _columns_that_fit(widths: Sequence[int], labels: list[int], room: int) -> list[list[int]]:
+def _columns_that_fit(widths: Sequence[int], labels: list[int], width: int) -> list[list[int]]:
     """Return the columns of each of several tables, the labels first; none where not even one column fits."""
-    tables, taken = [], room + 1
-    beside = sum(widths[k] + 2 for k in labels)
+    tables, taken = [], width + 1
+    label_width = sum(widths[k] + 2 for k in labels)
     for k in range(len(labels), len(widths)):
-        if taken + 2 + widths[k] > room:
+        if taken + 2 + widths[k] > width:
             tables.append([*labels])
-            taken = beside - 2
+            taken = label_width - 2
         tables[-1].append(k)
         taken += 2 + widths[k]
-        if taken > room:
+        if taken > width:
             return []
     return tables
 
 
-def _one_a_line(head: Sequence[str], row: Sequence[str], labels: int, room: int) -> list[str]:
+def _one_a_line(head: Sequence[str], row: Sequence[str], labels: int, width: int) -> list[str]:
     """Return a row as lines: its labels, then each of its other cells with its head."""
-    said = [f"{name} {cell}".strip() for name, cell in zip(head, row, strict=True) if cell]
+    entries = [f"{name} {cell}".strip() for name, cell in zip(head, row, strict=True) if cell]
     blank = sum(not cell for cell in row[:labels])
-    first = ", ".join(said[: labels - blank])
+    first = ", ".join(entries[: labels - blank])
     return [
         line
-        for indent, text in [("", first), *(("  ", text) for text in said[labels - blank :])]
-        for line in textwrap.wrap(text, max(room, 20), initial_indent=indent, subsequent_indent=indent + "  ")
+        for indent, text in [("", first), *(("  ", text) for text in entries[labels - blank :])]
+        for line in textwrap.wrap(text, max(width, 20), initial_indent=indent, subsequent_indent=indent + "  ")
     ]
 
 

@@ -123,8 +123,8 @@ def _columns(channel: WrenchChannel | ImuChannel) -> tuple[NDArray[np.float64], 
 
 def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
     n = len(channel.log_time)
-    left, right = _columns(channel)
-    if left.shape != (n, 3) or right.shape != (n, 3) or channel.stamp.shape != (n,):
+    first, second = _columns(channel)
+    if first.shape != (n, 3) or second.shape != (n, 3) or channel.stamp.shape != (n,):
         raise RigError(f"arrays of topic {channel.topic} differ in length: give n times, n stamps and (n, 3) values")
 
 

@@ -140,12 +140,12 @@ def read_value(path: str, raw: object, hint: Any) -> Any:
     if get_origin(plain) is Mapping:
         if not isinstance(raw, Mapping):
             raise TomlError(f"{path} is {quoted(raw)}: write a table")
-        of_key, of_value = get_args(plain)
-        if get_origin(of_key) is Literal:
-            _refuse_unknown(path, raw, get_args(of_key))
+        key_type, value_type = get_args(plain)
+        if get_origin(key_type) is Literal:
+            _refuse_unknown(path, raw, get_args(key_type))
         for key in raw:
             read_value(f"a name in {path}", key, Name)
-        return {key: read_value(f"{path}.{key}", item, of_value) for key, item in raw.items()}
+        return {key: read_value(f"{path}.{key}", item, value_type) for key, item in raw.items()}
     return _plain(path, raw, hint, plain)
 
 

@@ -35,8 +35,8 @@ class Data(NamedTuple):
 
     def distance(self, inertia: Float[np.ndarray, "6"]) -> float:
         """Return the distance Q of a tensor from the data."""
-        left = inertia - self.estimate
-        return float(left @ self.information @ left)
+        difference = inertia - self.estimate
+        return float(difference @ self.information @ difference)
 
 
 def nearest(data: Data) -> Float[np.ndarray, "6"]:
@@ -120,11 +120,11 @@ def _bodies(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     moments = flat.reshape(3, 3)
     if slack <= 0 or flat[0] <= 0 or corner <= 0 or (determinant := float(np.linalg.det(moments))) <= 0:
         return np.inf, np.zeros(6), np.zeros((6, 6))
-    of_trace = _TRACE / slack
+    trace_slope = _TRACE / slack
     solved = np.linalg.inv(moments) @ SECOND_MOMENT
-    slope = of_trace - np.trace(solved, axis1=1, axis2=2)
+    slope = trace_slope - np.trace(solved, axis1=1, axis2=2)
     crossed = solved.reshape(6, 9) @ solved.transpose(0, 2, 1).reshape(6, 9).T
-    return -math.log(determinant) - math.log(slack), slope, np.outer(of_trace, of_trace) + crossed
+    return -math.log(determinant) - math.log(slack), slope, np.outer(trace_slope, trace_slope) + crossed
 
 
 def _newton(function: Function, x: np.ndarray) -> np.ndarray:

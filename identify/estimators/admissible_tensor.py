@@ -117,8 +117,8 @@ def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, st
     import optimistix  # a fifth of a second, which few results need
 
     def cost(free: Array) -> Array:
-        left = body(free) - estimate
-        return 0.5 * left @ information @ left + ROUNDNESS * roundness(body(free)[-6:])
+        difference = body(free) - estimate
+        return 0.5 * difference @ information @ difference + ROUNDNESS * roundness(body(free)[-6:])
 
     slope = jax.jacobian(body)(start)
     metric = slope.T @ information @ slope + ROUNDNESS * jnp.eye(len(start), dtype=start.dtype)

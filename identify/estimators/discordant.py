@@ -64,11 +64,11 @@ def _chances(values: np.ndarray, uncertainties: np.ndarray, level: float) -> tup
     """The larger probability of the first two tests, and whether all three call the departure significant, (n, 6)."""
     values = values - np.median(values, axis=0)  # differences of large squares would lose digits
     count, weight = len(values), uncertainties**-2
-    of_others = weight.sum(axis=0) - weight
-    mean = ((weight * values).sum(axis=0) - weight * values) / of_others
-    squares = (weight * values**2).sum(axis=0) - weight * values**2 - of_others * mean**2
+    other_weights = weight.sum(axis=0) - weight
+    mean = ((weight * values).sum(axis=0) - weight * values) / other_weights
+    squares = (weight * values**2).sum(axis=0) - weight * values**2 - other_weights * mean**2
     squares, freedom = np.maximum(squares, 1e-12), float(count - 2)
-    stated = np.abs(values - mean) / np.sqrt(uncertainties**2 + 1 / of_others)
+    stated = np.abs(values - mean) / np.sqrt(uncertainties**2 + 1 / other_weights)
 
     def chance(variance: np.ndarray, degrees: float) -> np.ndarray:
         return 2 * scipy.special.stdtr(degrees, -stated / np.sqrt(variance))

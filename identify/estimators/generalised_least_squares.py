@@ -127,11 +127,11 @@ def whitened(
     follows = motion_columns(
         x[:inside] @ fit.value[:6], pushes[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit
     )
-    roomy, left, freedom = _with_room(weighed, columns[:inside], follows, fit)
+    roomy, remaining, freedom = _with_room(weighed, columns[:inside], follows, fit)
     longer = ((0, len(x) - inside), (0, 0), (0, 0))
     every = np.concatenate([np.pad(weighed, longer), centred.transformed(lines), np.pad(roomy, longer)], axis=2)
-    scores = spectrum(left, freedom, lines.constants, passed**2).scores(every)
-    of_weighted = fit.spectrum.scores(weighed)
+    scores = spectrum(remaining, freedom, lines.constants, passed**2).scores(every)
+    weighted_scores = fit.spectrum.scores(weighed)
     residuals, removed = about_cg - rows.inertial_moment(fit.value[:6]), None
     if offsets == "estimate":
         removed = Offsets(fit.value[6:9], fit.inverse[6:9, 6:9], mean_force)
@@ -139,21 +139,21 @@ def whitened(
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
         by_constant = _times(every, constants)
-        of_constant = by_constant @ removed.covariance @ by_constant.T
-        scores, of_weighted = scores + of_constant, of_weighted + of_constant[:6, :6]
+        constant_scores = by_constant @ removed.covariance @ by_constant.T
+        scores, weighted_scores = scores + constant_scores, weighted_scores + constant_scores[:6, :6]
     noise, spread = (
         _noise(alpha_noise(run, estimator), fit.weights, shape),
         np.linalg.pinv(weighted.normal, hermitian=True),
     )
-    of_run = Information(
-        run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=of_weighted,
+    estimate = Information(
+        run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
         excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
         correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
         degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed @ spread),
         trace=trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T), weighed=weighed,
     )  # fmt: skip
     return Weighed(
-        weighted=of_run, plain=plain, extended=_equations_of(roomy, x[:inside], *sides), scores=scores, enough=True
+        weighted=estimate, plain=plain, extended=_equations_of(roomy, x[:inside], *sides), scores=scores, enough=True
     )
 
 
@@ -194,18 +194,18 @@ def _with_room(
     Directions of these columns that the other columns nearly span stay out.
     """
     share = fit.inverse @ _times(np.einsum("mab,mbp->map", fit.weights, columns), more)
-    beside = more - columns @ share
-    weighed_beside = np.einsum("mab,mbz->maz", fit.weights, beside)
+    reduced = more - columns @ share
+    weighed_reduced = np.einsum("mab,mbz->maz", fit.weights, reduced)
     scale = 1 / np.sqrt(np.maximum(np.einsum("maz,mab,mbz->z", more, fit.weights, more, optimize=True), 1e-300))
-    information = _times(weighed_beside, more) * np.outer(scale, scale)
+    information = _times(weighed_reduced, more) * np.outer(scale, scale)
     inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * np.outer(
         scale, scale
     )
-    rows = weighed - weighed_beside @ inverse @ _times(weighed, more).T
+    rows = weighed - weighed_reduced @ inverse @ _times(weighed, more).T
     residuals = fit.residuals.copy()
-    residuals[: len(more)] -= beside @ inverse @ np.einsum("maz,ma->z", weighed_beside, fit.residuals[: len(more)])
+    residuals[: len(more)] -= reduced @ inverse @ np.einsum("maz,ma->z", weighed_reduced, fit.residuals[: len(more)])
     free = fit.spectrum.free.copy()
-    free[: len(more)] -= np.einsum("maz,zy,may->ma", beside, inverse, weighed_beside, optimize=True)
+    free[: len(more)] -= np.einsum("maz,zy,may->ma", reduced, inverse, weighed_reduced, optimize=True)
     return rows, residuals, np.clip(free, 0, 1)
 
 
@@ -267,5 +267,5 @@ def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndar
 
 def _noise(sigma: np.ndarray, weights: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Return the expected contribution of alpha's noise [rad/s²] to the normal equations."""
-    of_alpha = OMEGA_R_OF_FEATURES[ALPHA]
-    return np.einsum("k,m,kai,mab,kbj->ij", sigma**2, shape, of_alpha, weights, of_alpha, optimize=True)
+    alpha_regressor = OMEGA_R_OF_FEATURES[ALPHA]
+    return np.einsum("k,m,kai,mab,kbj->ij", sigma**2, shape, alpha_regressor, weights, alpha_regressor, optimize=True)

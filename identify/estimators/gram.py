@@ -226,16 +226,16 @@ def _factors(matrix: Float[Array, "6 6 *trials"]) -> tuple[Root, Root, list[Arra
 
 def _inverse_of(lower: Root, upper: Root, scale: list[Array]) -> dict[tuple[int, int], Array | float]:
     """Return the entries of the inverse of ``L U``."""
-    of_lower: Root = {}
-    of_upper: Root = {}
+    lower_inverse: Root = {}
+    upper_inverse: Root = {}
     for j in range(6):
-        of_upper[j, j] = scale[j]
+        upper_inverse[j, j] = scale[j]
         for i in range(j + 1, 6):
-            of_lower[i, j] = -lower[i, j] - sum(lower[i, k] * of_lower[k, j] for k in range(j + 1, i))
-            of_upper[j, i] = -scale[i] * sum(of_upper[j, k] * upper[k, i] for k in range(j, i))
+            lower_inverse[i, j] = -lower[i, j] - sum(lower[i, k] * lower_inverse[k, j] for k in range(j + 1, i))
+            upper_inverse[j, i] = -scale[i] * sum(upper_inverse[j, k] * upper[k, i] for k in range(j, i))
     return {
-        (i, j): sum(of_upper[i, k] * of_lower[k, j] for k in range(max(i, j + 1), 6))
-        + (of_upper[i, j] if i <= j else 0.0)
+        (i, j): sum(upper_inverse[i, k] * lower_inverse[k, j] for k in range(max(i, j + 1), 6))
+        + (upper_inverse[i, j] if i <= j else 0.0)
         for i in range(6)
         for j in range(6)
     }

@@ -108,6 +108,6 @@ def excitation(normal: Matrix, noise: Matrix) -> Excitation:
     """
     strength, vectors = np.linalg.eigh(np.asarray(normal, float))
     directions = vectors.T
-    of_noise = np.einsum("ki,ij,kj->k", directions, np.asarray(noise, float), directions)
-    identifiable = (strength > 10 * of_noise) & (strength > 1e-9 * strength[-1])
-    return Excitation(strength, directions, of_noise, identifiable)
+    noise_strength = np.einsum("ki,ij,kj->k", directions, np.asarray(noise, float), directions)
+    identifiable = (strength > 10 * noise_strength) & (strength > 1e-9 * strength[-1])
+    return Excitation(strength, directions, noise_strength, identifiable)

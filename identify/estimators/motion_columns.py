@@ -43,7 +43,7 @@ def motion_columns(
     power = np.cumsum((moment**2).sum(axis=1))
     turned = np.where(power[:, None] > SLOW * power[-1], angle, 0.0)
     by_axis = [signal[:, :, None] * np.eye(3) for signal in (grown, turned)]
-    across = [np.einsum("nab,kb->kan", of, signal) for of, signal in ((SYMMETRIC, force), (ANTISYMMETRIC, moment))]
+    across = [np.einsum("nab,kb->kan", maps, signal) for maps, signal in ((SYMMETRIC, force), (ANTISYMMETRIC, moment))]
     return np.concatenate([*by_axis, *across], axis=2)
 
 

@@ -37,11 +37,11 @@ def estimated(
     r_cg: np.ndarray,
     inertia: np.ndarray,
     covariance: np.ndarray,
-    of_mean: np.ndarray,
+    mean_covariance: np.ndarray,
 ) -> Offsets:
     """Return the offset that the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
     rows = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi)
-    return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, of_mean + rows @ covariance @ rows.T, force)
+    return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, mean_covariance + rows @ covariance @ rows.T, force)
 
 
 def rested(rest: Rest, r_cg: np.ndarray) -> Offsets:
@@ -95,11 +95,11 @@ def force_offset(run: Run, r_cg: np.ndarray, mass: float | None) -> np.ndarray |
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     alpha = np.gradient(run.omega, run.t, axis=0)
     at_cg = specific_force_at(run.specific_force, run.omega, alpha, r_cg - position)
-    left = run.force - mass * at_cg
-    return np.concatenate([left[segment] for segment in run.used()]).mean(axis=0)
+    residual_force = run.force - mass * at_cg
+    return np.concatenate([residual_force[segment] for segment in run.used()]).mean(axis=0)
 
 
 def uncertainty(offsets: Offsets, sigma_r_cg: np.ndarray) -> np.ndarray:
     """Return the standard uncertainty of ``M - r × F``'s constant on each axis [N·m]: noise, and that of r."""
-    of_centre = cross_matrix(np.asarray(offsets.force)) * sigma_r_cg
-    return np.sqrt(np.diag(offsets.covariance) + (of_centre**2).sum(axis=1))
+    centre_effects = cross_matrix(np.asarray(offsets.force)) * sigma_r_cg
+    return np.sqrt(np.diag(offsets.covariance) + (centre_effects**2).sum(axis=1))

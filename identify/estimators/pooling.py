@@ -53,41 +53,41 @@ class Pooled(NamedTuple):
         return self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)
 
 
-def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
+def pool(estimates: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     """Return the tensor of several runs, each weighted by the inverse of its noise variance.
 
     Args:
-        of_runs: what each run says.
+        estimates: what each run says.
         sigma_r_cg: standard uncertainty of the centre of gravity on each axis [m].
 
     Raises:
         RunError: the motion tells nothing at all.
     """
-    weights = np.array([of_run.weight for of_run in of_runs])
-    normal = np.einsum("k,kij->ij", weights, [of_run.normal for of_run in of_runs])
-    noise = np.einsum("k,kij->ij", weights, [of_run.noise for of_run in of_runs])
+    weights = np.array([estimate.weight for estimate in estimates])
+    normal = np.einsum("k,kij->ij", weights, [estimate.normal for estimate in estimates])
+    noise = np.einsum("k,kij->ij", weights, [estimate.noise for estimate in estimates])
     verdict = excitation(normal, noise)
     seen = verdict.directions[verdict.identifiable]
     if not len(seen):
-        first, more = of_runs[0].run, len(of_runs) - 1
+        first, more = estimates[0].run, len(estimates) - 1
         names = ", ".join(verdict.unidentifiable)
         raise RunError(
             f"the motion in {first.name}{f' and {more} more' if more else ''} does not identify {names}: "
             f"{first.cure('rotate about more axes, or faster')}"
         )
     inverse = seen.T @ np.diag(1 / verdict.strength[verdict.identifiable]) @ seen
-    inertia = inverse @ (weights @ [of_run.right for of_run in of_runs])
-    by_centre = inverse @ np.einsum("k,kij->ij", weights, [of_run.right_by_centre for of_run in of_runs])
-    residual = inverse @ np.einsum("k,kij->ij", weights**2, [of_run.scores for of_run in of_runs]) @ inverse
-    freedom_of_residuals = _degrees_of_freedom(of_runs, weights, inverse)
-    together = pooling(_repeats(of_runs, weights, inertia), inverse, residual, freedom_of_residuals)
-    of_noise, of_centre = together.covariance, by_centre * sigma_r_cg**2 @ by_centre.T
-    covariance = of_noise + of_centre
-    half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(of_centre)))
-    freedom = together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(of_noise), 1e-300)) ** 2
+    inertia = inverse @ (weights @ [estimate.right for estimate in estimates])
+    by_centre = inverse @ np.einsum("k,kij->ij", weights, [estimate.right_by_centre for estimate in estimates])
+    residual = inverse @ np.einsum("k,kij->ij", weights**2, [estimate.scores for estimate in estimates]) @ inverse
+    freedom_of_residuals = _degrees_of_freedom(estimates, weights, inverse)
+    together = pooling(_repeats(estimates, weights, inertia), inverse, residual, freedom_of_residuals)
+    noise_covariance, centre_covariance = together.covariance, by_centre * sigma_r_cg**2 @ by_centre.T
+    covariance = noise_covariance + centre_covariance
+    half = np.hypot(together.half_width, NORMAL * np.sqrt(np.diag(centre_covariance)))
+    freedom = together.degrees_of_freedom * (np.diag(covariance) / np.maximum(np.diag(noise_covariance), 1e-300)) ** 2
     bias = seen.T @ (seen @ inertia - np.linalg.solve(seen @ (normal - noise) @ seen.T, seen @ normal @ inertia))
-    share = weights * [of_run.rows for of_run in of_runs]
-    gain_error = share @ [of_run.gain_error for of_run in of_runs] / share.sum()
+    share = weights * [estimate.rows for estimate in estimates]
+    gain_error = share @ [estimate.gain_error for estimate in estimates] / share.sum()
     return Pooled(
         inertia=inertia, bias=bias + gain_error * inertia, covariance=covariance, residual=residual,
         by_centre=by_centre, by_right=weights[:, None, None] * inverse, together=together, half_width=half,
@@ -95,20 +95,20 @@ def pool(of_runs: Sequence[Information], sigma_r_cg: np.ndarray) -> Pooled:
     )  # fmt: skip
 
 
-def _repeats(of_runs: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
+def _repeats(estimates: Sequence[Information], weights: np.ndarray, inertia: np.ndarray) -> list[Repeat]:
     """Return the data of each run for the evaluation of scatter."""
     return [
         Repeat(
-            score=weight * (of_run.right - of_run.normal @ inertia), inertia=of_run.inertia,
-            standard_uncertainty=np.sqrt(np.diag(of_run.covariance)),
-            alone=bool(of_run.excitation.identifiable.all()), mounting=of_run.run.mounting,
+            score=weight * (estimate.right - estimate.normal @ inertia), inertia=estimate.inertia,
+            standard_uncertainty=np.sqrt(np.diag(estimate.covariance)),
+            alone=bool(estimate.excitation.identifiable.all()), mounting=estimate.run.mounting,
         )
-        for of_run, weight in zip(of_runs, weights, strict=True)
+        for estimate, weight in zip(estimates, weights, strict=True)
     ]  # fmt: skip
 
 
-def _degrees_of_freedom(of_runs: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+def _degrees_of_freedom(estimates: Sequence[Information], weights: np.ndarray, inverse: np.ndarray) -> np.ndarray:
     """Return effective degrees of freedom of the pooled tensor's variance from residuals, by component (GUM G.4)."""
-    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, of_runs, strict=True)])
-    terms = (squares**2 / [of_run.degrees_of_freedom for of_run in of_runs]).sum(axis=0)
+    squares = np.array([w**2 * np.diag(inverse @ p.scores @ inverse) for w, p in zip(weights, estimates, strict=True)])
+    terms = (squares**2 / [estimate.degrees_of_freedom for estimate in estimates]).sum(axis=0)
     return np.clip(squares.sum(axis=0) ** 2 / np.maximum(terms, 1e-300), 1, 1e9)

@@ -60,14 +60,14 @@ def trace(
     edges = _edges(len(t), BINS)
     low, high = (reach.reduceat(residuals, edges, axis=0) for reach in (np.minimum, np.maximum))
     step = float(np.median(np.diff(t)))
-    whole = _longest(t, step)
-    frequency, of_residuals = _density(residuals[whole], 1 / step)
-    _, of_moment = _density(moment[whole], 1 / step)
+    segment = _longest(t, step)
+    frequency, densities = _density(residuals[segment], 1 / step)
+    _, moment_densities = _density(moment[segment], 1 / step)
     every = slice(None, None, -(-len(t) // POINTS))
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
-    moment_density = np.sqrt(np.mean(of_moment**2, axis=1))
+    moment_density = np.sqrt(np.mean(moment_densities**2, axis=1))
     return Trace(
-        t=middle, low=low, high=high, frequency=frequency, residual_density=of_residuals, moment_density=moment_density,
+        t=middle, low=low, high=high, frequency=frequency, residual_density=densities, moment_density=moment_density,
         omega=omega[every], alpha=alpha[every],
     )  # fmt: skip
 

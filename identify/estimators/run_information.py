@@ -115,11 +115,11 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
-        of_mean = errors.values[0] / count
+        mean_covariance = errors.values[0] / count
         mean_phi, mean_force, mean_moment = (mean[:, 0] for mean in means)
         removed = estimated(
             phi=mean_phi, force=mean_force, moment=mean_moment, r_cg=r_cg, inertia=inertia,
-            covariance=spread @ scores @ spread, of_mean=of_mean,
+            covariance=spread @ scores @ spread, mean_covariance=mean_covariance,
         )  # fmt: skip
     elif offsets == "still":
         removed = rested(resting(run), r_cg)

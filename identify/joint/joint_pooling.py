@@ -64,9 +64,9 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
     spread = scatter**2 * inverse @ total @ inverse + inverse @ precision @ inverse
     theta, covariance, prior_covariance = [], np.zeros_like(root @ root.T), np.zeros_like(root @ root.T)
     for run, equations in zip(runs, reduced, strict=True):
-        whole = np.empty(len(common))
-        whole[common], whole[~common] = z, equations.local_map @ np.concatenate([[1.0], z])
-        theta.append(run.prior.theta(whole))
+        values = np.empty(len(common))
+        values[common], values[~common] = z, equations.local_map @ np.concatenate([[1.0], z])
+        theta.append(run.prior.theta(values))
     first = reduced[0]
     carried = np.zeros((len(common), int(common.sum())))
     carried[common], carried[~common] = np.eye(int(common.sum())), first.local_map[:, 1:]
@@ -107,8 +107,8 @@ def _scatter(reduced: Sequence[_Eliminated], z: np.ndarray) -> tuple[float, floa
     """Root of the runs' mean squared departure from the pooled estimate in units of their noise, at least 1."""
     squares, rank = 0.0, 0
     for equations in reduced:
-        left = equations.right - equations.matrix @ z
-        squares += float(left @ np.linalg.pinv(equations.matrix, rcond=1e-10, hermitian=True) @ left)
+        residual = equations.right - equations.matrix @ z
+        squares += float(residual @ np.linalg.pinv(equations.matrix, rcond=1e-10, hermitian=True) @ residual)
         rank += int(np.linalg.matrix_rank(equations.matrix, rtol=1e-10, hermitian=True))
     freedom = max(rank * (len(reduced) - 1) / len(reduced), 1.0)
     return max(float(np.sqrt(squares / freedom)), 1.0), freedom

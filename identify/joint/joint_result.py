@@ -80,8 +80,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
 def _cell_may_turn(setting: Setting) -> bool:
     """Whether a declared error may turn the load cell's axes: then its turn and the IMU's share one."""
     off_diagonal = ~np.eye(6, dtype=bool).ravel()
-    of_cell = [error.covariance for error in setting.errors.values() if error.unknown == "cell_matrix"]
-    return any(np.diag(covariance)[off_diagonal].any() for covariance in of_cell)
+    cell_covariances = [error.covariance for error in setting.errors.values() if error.unknown == "cell_matrix"]
+    return any(np.diag(covariance)[off_diagonal].any() for covariance in cell_covariances)
 
 
 GROUPS = {
@@ -95,7 +95,7 @@ def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
     tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
 
-    def of(names: Sequence[str], covariance: np.ndarray) -> np.ndarray:
+    def contribution(names: Sequence[str], covariance: np.ndarray) -> np.ndarray:
         gain = pooled.by_prior[tensor][:, indices(names)]
         return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, covariance, gain), 0.0))
 
@@ -103,16 +103,16 @@ def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     named = GROUPS | (grouped if calibrated(setting.blocks) else {})
     groups = {name: [unknown for unknown in members if unknown not in declared] for name, members in named.items()}
     effects = _effects_of_axes(pooled, setting)
-    of_errors = {name: [effects[f"{name} {k + 1}"][4:] for k in range(error.axes.shape[1])]
-                 for name, error in setting.errors.items() if error.shared}  # fmt: skip
+    error_effects = {name: [effects[f"{name} {k + 1}"][4:] for k in range(error.axes.shape[1])]
+                     for name, error in setting.errors.items() if error.shared}  # fmt: skip
     in_poses = [setting.lasting[name] for name in effects if name in setting.lasting]
-    of_poses = np.array(in_poses).reshape(-1, 10).T
+    lasting = np.array(in_poses).reshape(-1, 10).T
     rows = {}
     for name, group in groups.items():
         if group:
             before = pooled.beforehand[np.ix_(indices(group), indices(group))]
-            rows[name] = of(group, before - of_poses @ of_poses.T if name == "static poses" else before)
-    rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in of_errors.items()}
+            rows[name] = contribution(group, before - lasting @ lasting.T if name == "static poses" else before)
+    rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in error_effects.items()}
     total = np.diag(pooled.covariance)[tensor]
     residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
     return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}

@@ -86,18 +86,18 @@ def linked(
     if not names:
         return dict(blocks)
     members = (STATIC, *names)
-    sizes = [len(blocks[each].mean) for each in members]
+    sizes = [len(blocks[member].mean) for member in members]
     ends = np.cumsum([0, *sizes])
     covariance = np.zeros((ends[-1], ends[-1]))
-    for each, start, end in zip(members, ends, ends[1:], strict=False):
-        covariance[start:end, start:end] = blocks[each].covariance
+    for member, start, end in zip(members, ends, ends[1:], strict=False):
+        covariance[start:end, start:end] = blocks[member].covariance
     for name, (unknown, axis) in both.items():
         start = ends[members.index((unknown,))]
         cross = -np.outer(static_effects[name], axis)
         covariance[: sizes[0], start : start + len(axis)] += cross
         covariance[start : start + len(axis), : sizes[0]] += cross.T
-    mean = np.concatenate([blocks[each].mean for each in members])
-    others = {each: block for each, block in blocks.items() if each not in members}
+    mean = np.concatenate([blocks[member].mean for member in members])
+    others = {unknowns: block for unknowns, block in blocks.items() if unknowns not in members}
     return {sum(members, ()): PriorBlock(mean, covariance), **others}
 
 

@@ -77,9 +77,9 @@ def _wrench(signal: Callable[[PredictedWrench], np.ndarray], part: float) -> Cal
     return make
 
 
-def _largest(of_rows: np.ndarray) -> np.ndarray:
+def _largest(sizes: np.ndarray) -> np.ndarray:
     """The largest of force and of moment, on each of their rows."""
-    return np.repeat([of_rows[:3].max(), of_rows[3:].max()], 3)
+    return np.repeat([sizes[:3].max(), sizes[3:].max()], 3)
 
 
 def _on_axes(signal: np.ndarray, rows: slice) -> np.ndarray:

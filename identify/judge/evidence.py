@@ -95,12 +95,12 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m rows p"]) -
         cause: its signals.
         columns: their lines, for coefficients in units of its size.
     """
-    beside, follows = base.beside(columns)
-    normal = products(beside, columns)
+    reduced, follows = base.beside(columns)
+    normal = products(reduced, columns)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
     good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
     basis = vectors[:, good]
-    signals = beside @ basis
+    signals = reduced @ basis
     taken = (signals**2 / values[good]).sum(axis=2)
     free = 1 - base.leverage - taken
     freedom = float(free.sum())
@@ -110,8 +110,8 @@ def evidence(base: Base, cause: Cause, columns: Float[np.ndarray, "m rows p"]) -
     after = base.residuals - signals @ along
     # what the residuals' noise adds to a score, by its spectrum, and what the errors of the priors add
     scores = signals * np.sqrt(spectrum(after, free))[:, :, None]
-    of_priors = basis.T @ (follows.T * base.precision) @ follows @ basis
-    spread = (products(scores, scores) + of_priors) / np.outer(values[good], values[good])
+    prior_covariance = basis.T @ (follows.T * base.precision) @ follows @ basis
+    spread = (products(scores, scores) + prior_covariance) / np.outer(values[good], values[good])
     total = np.eye(len(along)) + spread
     wald = float(along @ np.linalg.solve(spread, along))
     logarithm = 0.5 * (

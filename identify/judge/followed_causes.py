@@ -78,7 +78,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
     named: list[FollowedCause] = []
     first = 0.0
     while len(named) < MOST:
-        judged = [e for each in open_to if (e := evidence(base, *each)) is not None]
+        judged = [e for candidate in open_to if (e := evidence(base, *candidate)) is not None]
         likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > LIKELY), key=lambda e: -e.logarithm)
         if not likely:
             break
@@ -92,7 +92,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         )
         named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
         base = base.taking(best.columns, best.coefficients)
-        open_to = [each for each in open_to if each[0].finding is not best.cause.finding]
+        open_to = [candidate for candidate in open_to if candidate[0].finding is not best.cause.finding]
     prediction = run.prediction
     above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))

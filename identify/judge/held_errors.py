@@ -43,7 +43,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
         return {FLEXIBILITY: _of_least_squares(result, fits)}
     held = [_held(fit.prediction) for fit in fits]
     added = [
-        fit.transformed(np.concatenate(list(of_run.values()), axis=2)) for fit, of_run in zip(fits, held, strict=True)
+        fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
     ]
     calibrated = CALIBRATED if problem.centre is not None else ()
     declared = {error.unknown for error in problem.errors.values() if error.shared}
@@ -89,13 +89,13 @@ def flexing(run: PredictedWrench) -> Columns:
 def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndarray:
     """Derivative of (10) by the mounting's flexibility: the force counts as measured, the moment about r_CG."""
     normal, right = np.zeros((6, 6)), np.zeros((6, 3))
-    for fit, of_run in zip(fits, result.runs, strict=True):
+    for fit, run in zip(fits, result.runs, strict=True):
         at = fit.prediction
         rows, moment = at.regressor, about_centre(flexing(at), at.x["r_cg"])
         if result.offsets == "estimate":
             rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
-        normal += of_run.weight * products(rows, rows)
-        right += of_run.weight * products(rows, moment)
+        normal += run.weight * products(rows, rows)
+        right += run.weight * products(rows, moment)
     return np.vstack([np.zeros((4, 3)), np.linalg.solve(normal, right)])
 
 

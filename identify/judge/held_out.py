@@ -58,8 +58,8 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
     """
     halves = len(problem.runs) == 1
     runs = _halves(problem.runs[0]) if halves else problem.runs
-    whole = replace(problem, runs=runs)
-    force_from = _force_from(whole, result)
+    split = replace(problem, runs=runs)
+    force_from = _force_from(split, result)
     reduced = [_in_band(run, result, problem, halves) for run in runs]
     fits = [
         fit_run(run, rows, declared_of(run, result, problem, force_from, _still_within(force_from)), start_of(result))
@@ -68,9 +68,9 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
     predicted = []
     for k, (run, rows) in enumerate(zip(runs, reduced, strict=True)):
         others = [index for index in range(len(runs)) if index != k]
-        estimate = _estimate(replace(whole, runs=tuple(runs[index] for index in others)), result.method, run, halves)
-        of_others = [fits[index] for index in others]
-        predicted.append(_predicted(run, rows, estimate, problem, force_from, of_others))
+        estimate = _estimate(replace(split, runs=tuple(runs[index] for index in others)), result.method, run, halves)
+        other_fits = [fits[index] for index in others]
+        predicted.append(_predicted(run, rows, estimate, problem, force_from, other_fits))
     return HeldOut(tuple(predicted), halves)
 
 
@@ -206,13 +206,13 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
         return {}
     normal = np.zeros((6, 6))
     right: dict[str, np.ndarray] = {}
-    for fit, of_run in zip(fits, estimate.runs, strict=True):
+    for fit, run in zip(fits, estimate.runs, strict=True):
         at = fit.prediction
         rows = at.regressor - at.regressor.mean(axis=0) * (estimate.offsets == "estimate")
-        normal += of_run.weight * products(rows, rows)
+        normal += run.weight * products(rows, rows)
         for (name,) in error_blocks(problem.errors):
             moment = about_centre(at.of(name), at.x["r_cg"])
-            right[name] = right.get(name, 0.0) + of_run.weight * products(rows, moment)
+            right[name] = right.get(name, 0.0) + run.weight * products(rows, moment)
     return {name: np.linalg.solve(normal, side) for name, side in right.items()}
 
 
@@ -264,14 +264,14 @@ def _compared(
     weighed = np.linalg.solve(at, np.concatenate([local, by_estimate, y[:, :, None]], axis=2))
     q = local.shape[2]
     inverse = _inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))
-    left = np.concatenate([by_estimate, y[:, :, None]], axis=2)
-    left = left - local @ (inverse @ products(local, weighed[:, :, q:]))
-    moved, errors = left[:, :, :-1], left[:, :, -1]
+    reduced = np.concatenate([by_estimate, y[:, :, None]], axis=2)
+    reduced = reduced - local @ (inverse @ products(local, weighed[:, :, q:]))
+    moved, errors = reduced[:, :, :-1], reduced[:, :, -1]
     taken = np.einsum("map,pq,maq->ma", local, inverse, local, optimize=True)
-    of_noise = np.maximum(np.einsum("maa->ma", at) - taken, 0.0)
+    power = np.maximum(np.einsum("maa->ma", at) - taken, 0.0)
     spread = np.einsum("map,maq->apq", moved, moved)
-    variance = of_noise.sum(axis=0) + np.einsum("app->a", spread)
-    squares = (of_noise**2).sum(axis=0) + 2 * np.einsum("ma,map->a", of_noise, moved**2) + (spread**2).sum(axis=(1, 2))
+    variance = power.sum(axis=0) + np.einsum("app->a", spread)
+    squares = (power**2).sum(axis=0) + 2 * np.einsum("ma,map->a", power, moved**2) + (spread**2).sum(axis=(1, 2))
     freedom, count = variance**2 / np.maximum(squares, 1e-300), len(fit.prediction.signals.t)
     total = (errors**2).sum(axis=0)
     body, chance = _of_body(moved, errors, at, noise, freedom_of_estimate)
@@ -281,7 +281,7 @@ def _compared(
     shown = slice(max(middle - reach, 0), middle + reach)
     in_time, errors_in_time = (_samples(signal, count)[shown] for signal in (in_band, errors))
     return HeldOutRun(
-        file=run.name, rms=np.sqrt(total / count), noise=np.sqrt(of_noise.sum(axis=0) / count),
+        file=run.name, rms=np.sqrt(total / count), noise=np.sqrt(power.sum(axis=0) / count),
         of_estimate=np.sqrt(np.einsum("app->a", spread) / count),
         measured_rms=np.sqrt((in_band[1:] ** 2).sum(axis=0) / count), degrees_of_freedom=freedom,
         noise_degrees_of_freedom=np.maximum(noise.freedom, 1.0),

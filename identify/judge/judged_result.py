@@ -57,13 +57,13 @@ def judged(result: Identification, problem: Problem) -> Identification:
     shifts, held = np.zeros(6), None
     if result.seen is None:
         fits = [_fits(run, result, problem) for run in problem.runs]
-        for run, of_run in zip(problem.runs, fits, strict=True):
-            named, shift = _of_run(run, result, problem, of_run)
+        for run, run_fits in zip(problem.runs, fits, strict=True):
+            named, shift = _of_run(run, result, problem, run_fits)
             verdicts += named
             shifts += shift / len(problem.runs)
-        of_estimator = [_fit_of_estimator(*each, result, problem) for each in zip(problem.runs, fits, strict=True)]
-        if all(of_estimator):
-            held = by_held_errors(result, problem, [fit for fit in of_estimator if fit])
+        estimator_fits = [_fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
+        if all(estimator_fits):
+            held = by_held_errors(result, problem, [fit for fit in estimator_fits if fit])
     texts = tuple(verdict.text for verdict in verdicts)
     told = replace(
         result,
@@ -141,9 +141,9 @@ def _of_run(
         total = np.hypot(total, left_over * result.standard_uncertainty)
     peak = resonance(run, problem.band())
     if peak is not None:
-        of_mounting = _of_mounting(fits[0], peak, result.inertia)
-        lines = lines or [peak.verdict(run, _adds(of_mounting))]
-        total = np.hypot(total, of_mounting)
+        mounting_effect = _of_mounting(fits[0], peak, result.inertia)
+        lines = lines or [peak.verdict(run, _adds(mounting_effect))]
+        total = np.hypot(total, mounting_effect)
     return verdicts + lines, total
 
 
@@ -153,12 +153,12 @@ def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     return Finding.UNEXPLAINED.cause(run.name, axis=axis, share=1 - left_over**-2, quantity=quantity, ratio=left_over)
 
 
-def _adds(of_mounting: np.ndarray) -> str:
+def _adds(effect: np.ndarray) -> str:
     """Return a text on the contribution of a resonant mounting to the tensor; '' where it adds nothing."""
-    if not of_mounting.any():
+    if not effect.any():
         return ""
-    worst = int(np.argmax(np.abs(of_mounting)))
-    return f"; a mounting that does adds {significant(GRAM_METRE * of_mounting[worst], 2)} g·m² to {COMPONENTS[worst]}"
+    worst = int(np.argmax(np.abs(effect)))
+    return f"; a mounting that does adds {significant(GRAM_METRE * effect[worst], 2)} g·m² to {COMPONENTS[worst]}"
 
 
 def _of_mounting(fit: RunFit, peak: ResonancePeak, inertia: np.ndarray) -> np.ndarray:
@@ -176,8 +176,8 @@ def _saturated(run: Run) -> list[ResidualCause]:
             if max(np.count_nonzero(values == end) for end in (values.min(), values.max())) < FLAT:
                 continue  # nothing to sort for
             levels, counts = np.unique(values, return_counts=True)
-            for end, beside in ((0, 1), (-1, -2)):
-                if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[beside] + 1):
+            for end, neighbour in ((0, 1), (-1, -2)):
+                if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[neighbour] + 1):
                     name = {"omega": "angular velocity"}.get(quantity, quantity)
                     verdicts.append(
                         Finding.SATURATION.cause(
@@ -211,11 +211,11 @@ def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
 def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, problem: Problem) -> RunFit | None:
     """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
     force_from = specific_force_source(problem)
-    of_estimator = [fit for fit in fits if fit.prediction.force_from == force_from]
-    if not of_estimator or (force_from == "none" and falls(run, result, problem)):
+    candidates = [fit for fit in fits if fit.prediction.force_from == force_from]
+    if not candidates or (force_from == "none" and falls(run, result, problem)):
         return None
     tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
-    return of_estimator[0] if force_from != "none" or tells_mass else None
+    return candidates[0] if force_from != "none" or tells_mass else None
 
 
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:

@@ -34,20 +34,20 @@ class GeneralisedLeastSquares(Method):
             RunError: a run too short for the estimator, or a motion that identifies nothing.
         """
         spec, sigma = estimator_for(problem), problem.sigma_r_cg
-        of_runs = [whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma) for run in problem.runs]
-        weighted, plain = ([getattr(run, name) for run in of_runs] for name in ("weighted", "plain"))
+        runs = [whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma) for run in problem.runs]
+        weighted, plain = ([getattr(run, name) for run in runs] for name in ("weighted", "plain"))
         with_weights, without = pool(weighted, sigma), pool(plain, sigma)
-        of_centre = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]
-        every = differences(of_runs, with_weights, without, of_centre)
-        warnings = _too_brief(of_runs)
+        centre_covariance = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]
+        every = differences(runs, with_weights, without, centre_covariance)
+        warnings = _too_brief(runs)
         if not any(difference.clear for difference in every):
             return result_of(problem, spec, weighted, with_weights, "gls", warnings)
         answer = reaching(without, with_weights, every)
         return result_of(problem, spec, plain, answer, "gls", [*warnings, _disagreement(every)])
 
 
-def _too_brief(of_runs: Sequence[Weighed]) -> list[str]:
-    names = [of_run.plain.run.name for of_run in of_runs if not of_run.enough]
+def _too_brief(runs: Sequence[Weighed]) -> list[str]:
+    names = [run.plain.run.name for run in runs if not run.enough]
     if not names:
         return []
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""

@@ -59,10 +59,10 @@ class Multisine(Trajectory):
         """Time within which each stage repeats [s]; infinite where a frequency is no multiple of its lowest one."""
         frequency, longest = np.asarray(self.frequency), 0.0
         start = np.zeros(len(frequency)) if self.start is None else np.asarray(self.start)
-        for of_stage in (frequency[start == first] for first in np.unique(start)):
-            orders = of_stage / of_stage.min()
-            whole = np.abs(orders - np.round(orders)).max() < 1e-9
-            longest = max(longest, 1 / of_stage.min() if whole else np.inf)
+        for stage_frequency in (frequency[start == first] for first in np.unique(start)):
+            orders = stage_frequency / stage_frequency.min()
+            harmonic = np.abs(orders - np.round(orders)).max() < 1e-9
+            longest = max(longest, 1 / stage_frequency.min() if harmonic else np.inf)
         return longest
 
     def scaled(self, size: float, speed: float = 1.0) -> "Multisine":

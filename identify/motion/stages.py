@@ -84,10 +84,10 @@ class Stages(Pytree):
         at_full_size = jnp.zeros((4, full)).at[0].set(1.0)
         window = jnp.concatenate([at_full_size, ramp, falling], axis=1)
         times, coordinates = [], []
-        for start, end, of_stage in zip(self.border, self.border[1:], unknowns.reshape(self.count, -1), strict=False):
+        for start, end, values in zip(self.border, self.border[1:], unknowns.reshape(self.count, -1), strict=False):
             t = [start + self.ramp + self.periodic.t, start + self.in_ramp, end - self.in_ramp[::-1]]
             times.append(np.concatenate(t))
-            coordinates.append(windowed(window, self.periodic.coordinates(of_stage, times[-1])))
+            coordinates.append(windowed(window, self.periodic.coordinates(values, times[-1])))
         at = jnp.asarray(np.concatenate(times))
         return moved(platform, at, jnp.concatenate(coordinates, axis=1), r_cg_from_omb, gravity)
 

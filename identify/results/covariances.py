@@ -22,22 +22,22 @@ def positive(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
 
 def containing(covariance: Float[np.ndarray, "n n"], effects: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n n"]:
     """Return a covariance that holds independent errors of these effects: what is left without them is not negative."""
-    of_errors = effects @ effects.T
-    return of_errors + positive(covariance - of_errors)
+    error_covariance = effects @ effects.T
+    return error_covariance + positive(covariance - error_covariance)
 
 
 def with_cross(
-    covariance: Float[np.ndarray, "n n"], of_others: Float[np.ndarray, "m m"], cross: Float[np.ndarray, "m n"]
+    covariance: Float[np.ndarray, "n n"], other_covariance: Float[np.ndarray, "m m"], cross: Float[np.ndarray, "m n"]
 ) -> Float[np.ndarray, "n n"]:
     """Return a covariance that is no less than what the correlation with other quantities implies (Schur complement).
 
     Args:
         covariance: of some quantities.
-        of_others: of the others.
+        other_covariance: of the others.
         cross: of the others (rows) with these.
     """
-    scale = np.sqrt(np.maximum(np.diag(of_others), 1e-300))
-    inverse = np.linalg.pinv(of_others / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    scale = np.sqrt(np.maximum(np.diag(other_covariance), 1e-300))
+    inverse = np.linalg.pinv(other_covariance / np.outer(scale, scale), rcond=1e-12, hermitian=True)
     implied = (cross.T / scale) @ inverse @ (cross.T / scale).T
     return implied + positive(covariance - implied)
 

@@ -95,12 +95,12 @@ class Discordance:
         if self.without is None:
             return ""
         at = COMPONENTS.index(departure.component)
-        left, whole = (
+        reduced, full = (
             with_uncertainty(GRAM_METRE * pool.inertia[at], GRAM_METRE * u)
             for pool in (self.without, self.whole)
             for u in [pool.standard_uncertainty[at]]
         )
-        return f", and the pool's {departure.component} is {left} without {self._them()} instead of {whole} g·m²"
+        return f", and the pool's {departure.component} is {reduced} without {self._them()} instead of {full} g·m²"
 
     def _them(self) -> str:
         return "it" if len(self.departures) == 1 else f"these {len(self.departures)}"

@@ -45,10 +45,10 @@ class HeldOut(Result):
     @property
     def text(self) -> str:
         """The verdict in one line."""
-        each = "half" if self.halves else "run"
-        others = f"other {each}s" if len(self.runs) > 2 else f"other {each}"
+        part = "half" if self.halves else "run"
+        others = f"other {part}s" if len(self.runs) > 2 else f"other {part}"
         if self.explained:
-            return f"each {each} is predicted by the {others} as well as {EXPLAINED} allow ({self._largest()})"
+            return f"each {part} is predicted by the {others} as well as {EXPLAINED} allow ({self._largest()})"
         worst = min(self.failing, key=lambda run: run.least[0])
         more = f"; {len(self.failing) - 1} more fail" if len(self.failing) > 1 and len(self.runs) > 2 else ""
         name = worst.least[1]
@@ -68,8 +68,8 @@ class HeldOut(Result):
         records = []
         for k, name in enumerate(self.names):
             root = {
-                key: float(np.sqrt(np.mean([getattr(run, of)[k] ** 2 for run in self.runs])))
-                for key, of in RECORDED.items()
+                key: float(np.sqrt(np.mean([getattr(run, field)[k] ** 2 for run in self.runs])))
+                for key, field in RECORDED.items()
             }
             least = min(float(run.probability[k]) for run in self.runs) * len(self.runs)
             ratio = root["rms"] / max(root["expected"], 1e-300)

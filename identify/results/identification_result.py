@@ -138,14 +138,14 @@ class Identification(Result):
     def coverage_factors(self) -> np.ndarray:
         """Half of the intervals of 95 % of the ten parameters over their standard uncertainties."""
         half, u = np.ptp(self.interval95, axis=1) / 2, self.standard_uncertainty
-        of_tensor = np.divide(half, u, out=np.full(6, mass_and_centre.NORMAL), where=u > 0)
-        return np.concatenate([np.broadcast_to(self.centre_factor, 4), of_tensor])
+        tensor_factors = np.divide(half, u, out=np.full(6, mass_and_centre.NORMAL), where=u > 0)
+        return np.concatenate([np.broadcast_to(self.centre_factor, 4), tensor_factors])
 
     @property
     def contributions(self) -> Mapping[str, np.ndarray]:
         """Each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known."""
-        whole = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]
-        fixture = None if whole is None else self.standard_uncertainty**2 - whole**2
+        with_fixture = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]
+        fixture = None if with_fixture is None else self.standard_uncertainty**2 - with_fixture**2
         return contributions(self.budget, self.diagnostics, fixture)
 
     def to_dict(self) -> dict[str, Any]:

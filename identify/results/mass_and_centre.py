@@ -39,13 +39,13 @@ def content(ten: InertialParameters, factor: np.ndarray | float, source: str) ->
     """
     u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
     known, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
-    of_mass = DECLARED if source == ESTIMATED and not uncertain else source
+    mass_source = DECLARED if source == ESTIMATED and not uncertain else source
     return {
         "mass": {
             "value": ten.mass if known else None,
             "standard_uncertainty": float(u[0]) if uncertain else None,
             "interval95": intervals[0] if uncertain else None,
-            "from": of_mass if known else None,
+            "from": mass_source if known else None,
         },
         "cg": {
             "value": ten.r_cg.tolist(),

@@ -85,12 +85,12 @@ def check(whole: InertialParameters, fixture: InertialParameters) -> None:
 def left_over(both: Float[Array, "20"]) -> Float[Array, "10"]:
     """Return the ten parameters of what is left, from those of the whole and of the part."""
     (mass, r_cg, inertia), (mass_of_fixture, r_cg_of_fixture, inertia_of_fixture) = _split(both[:10]), _split(both[10:])
-    left = mass - mass_of_fixture
-    r_left = (mass * r_cg - mass_of_fixture * r_cg_of_fixture) / left
+    mass_left = mass - mass_of_fixture
+    r_left = (mass * r_cg - mass_of_fixture * r_cg_of_fixture) / mass_left
     tensor = parallel_axis(inertia, mass, r_cg - r_left) - parallel_axis(
         inertia_of_fixture, mass_of_fixture, r_cg_of_fixture - r_left
     )
-    return jnp.concatenate([left[None], r_left, tensor])
+    return jnp.concatenate([mass_left[None], r_left, tensor])
 
 
 def _split(ten: Float[Array, "10"]) -> tuple[Array, Array, Array]:

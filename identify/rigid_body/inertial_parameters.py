@@ -165,6 +165,6 @@ def _in_frame(start: Array, rotation: Array) -> Array:
 def _block(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """The covariance of two quantities that have nothing in common."""
     n, m = len(first), len(second)
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[n:, n:] = first, second
-    return whole
+    covariance = np.zeros((n + m, n + m))
+    covariance[:n, :n], covariance[n:, n:] = first, second
+    return covariance

@@ -23,8 +23,8 @@ else:
 
 def library_of(*arrays: Any) -> Any:
     """Return the array library that computes with all of these: JAX where one of them is its array, else NumPy."""
-    of_numpy = np.ndarray | np.generic | float | int
-    return next((x.__array_namespace__() for x in arrays if not isinstance(x, of_numpy)), np)
+    numpy_types = np.ndarray | np.generic | float | int
+    return next((x.__array_namespace__() for x in arrays if not isinstance(x, numpy_types)), np)
 
 
 FEATURES = ("1", "w1", "w2", "w3", "w1w1", "w2w2", "w3w3", "w1w2", "w1w3", "w2w3", "a1", "a2", "a3")

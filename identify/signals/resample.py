@@ -80,8 +80,8 @@ def _coefficients(samples: np.ndarray, degree: int) -> np.ndarray:
     beyond = REACH + half
     inside = apply(np.pad(samples.T, ((0, 0), (beyond, beyond))), inverse).T
     decays = np.array([root for root in np.roots(taps) if abs(root) < 1]).real
-    of_start = decays ** np.arange(n + 2.0 * half)[:, None]
-    ends = np.concatenate([of_start, of_start[::-1]], axis=1)  # what the samples do not see
+    start_transients = decays ** np.arange(n + 2.0 * half)[:, None]
+    ends = np.concatenate([start_transients, start_transients[::-1]], axis=1)  # what the samples do not see
     jumps = lambda c: np.diff(c, degree + 1, axis=0)[np.r_[:half, -half:0]]  # noqa: E731  at what shall be no knot
     return np.asarray(inside - ends @ np.linalg.solve(jumps(ends), jumps(inside)))
 

@@ -139,8 +139,8 @@ def spectrum(
     last = np.clip(position + half + 1, begin + 1, m)
     products = np.einsum("ma,mb->mab", residuals, residuals) / shape[:, None, None]
     total = _sums(products, first, last)
-    left = np.sqrt(np.maximum(_sums(free, first, last), 1.0))
-    values = total / (left[:, :, None] * left[:, None, :])
+    root_freedom = np.sqrt(np.maximum(_sums(free, first, last), 1.0))
+    values = total / (root_freedom[:, :, None] * root_freedom[:, None, :])
     values[:begin] += products[:begin]
     floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(residuals.shape[1])
     return Spectrum((values + floor) * shape[:, None, None], first, last, free)

@@ -183,13 +183,13 @@ class Run:
             raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
         gap = in_gap(at, t, reach) | in_gap(at_imu, t, reach)
         near_bad = beside(bad[0], t, intervals[0] + reach) | beside(bad[1], t, intervals[1] + reach)
-        of_wrench, of_motion = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
+        wrenches, motions = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
         missing = gap | near_bad
         return cls(
-            t=t, force=of_wrench[:, :3], moment=of_wrench[:, 3:], omega=of_motion[:, :3], name=name, sha256=sha256,
+            t=t, force=wrenches[:, :3], moment=wrenches[:, 3:], omega=motions[:, :3], name=name, sha256=sha256,
             missing=missing if missing.any() else None, warnings=tuple(warnings),
             left_out={"in a gap": int(gap.sum())} if gap.any() else {},
-            specific_force=of_motion[:, 3:] if more else None, sensor_rates=(1 / intervals[0], 1 / intervals[1]),
+            specific_force=motions[:, 3:] if more else None, sensor_rates=(1 / intervals[0], 1 / intervals[1]),
         )  # fmt: skip
 
     def between(self, start: float, stop: float) -> "Run":

@@ -196,7 +196,7 @@ def _information(columns: np.ndarray, moment: np.ndarray, least: float) -> np.nd
         return np.zeros((6, 6))
     rows, values = columns - columns.mean(axis=0), (moment - moment.mean(axis=0)).reshape(-1)
     flat = rows.reshape(-1, 9)
-    left = values - flat @ np.linalg.lstsq(flat, values, rcond=None)[0]
+    residual = values - flat @ np.linalg.lstsq(flat, values, rcond=None)[0]
     independent = len(values) / PER_SAMPLE
-    variance = left @ left / len(values) * independent / max(independent - 9, 1.0)
+    variance = residual @ residual / len(values) * independent / max(independent - 9, 1.0)
     return np.einsum("nji,nje->ie", rows[:, :, :6], rows[:, :, :6]) / max(variance, least, 1e-150) ** 2

@@ -32,8 +32,8 @@ def changes(signal: Float[np.ndarray, "n k"], rate: float) -> tuple[Float[np.nda
     time = np.linspace(-0.5, 0.5, count)
     slope = time @ (means - means.mean(axis=0)) / (time @ time)
     bend = time**2 - (time**2).mean()
-    left = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
-    sigma = np.sqrt((left**2).sum(axis=0) / (count - 3) / (time @ time))
+    residuals = means - means.mean(axis=0) - np.outer(time, slope) - np.outer(bend, bend @ means / (bend @ bend))
+    sigma = np.sqrt((residuals**2).sum(axis=0) / (count - 3) / (time @ time))
     limit = scipy.special.stdtrit(count - 3, 1 - CHANCE / (2 * signal.shape[1]))
     return slope, np.abs(slope) > limit * sigma
 

@@ -72,10 +72,10 @@ def fit(
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
     free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
-    tilts, of_attitude = _attitude_effects(values, gain, specific_force, attitudes)
-    of_cell = np.zeros((LINEAR, 0)) if attitudes.wrench is None else np.einsum("pnc,nck->pk", gain, attitudes.wrench)
-    lasting = attitudes.lasting + of_cell.shape[1]
-    common_effect = np.hstack([of_attitude[:, : attitudes.lasting], of_cell, of_attitude[:, attitudes.lasting :]])
+    tilts, by_attitude = _attitude_effects(values, gain, specific_force, attitudes)
+    by_cell = np.zeros((LINEAR, 0)) if attitudes.wrench is None else np.einsum("pnc,nck->pk", gain, attitudes.wrench)
+    lasting = attitudes.lasting + by_cell.shape[1]
+    common_effect = np.hstack([by_attitude[:, : attitudes.lasting], by_cell, by_attitude[:, attitudes.lasting :]])
     scatter = _scatter(residuals, free, tilts)
     if mass is not None:
         factor, mass_gain = _observed(_covariance(gain, scatter, tilts, common_effect), mass[1])
@@ -140,9 +140,9 @@ def _attitude_effects(
     values: np.ndarray, gain: np.ndarray, f: np.ndarray, attitudes: Attitudes
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a standard uncertainty's effects: of each tilt on its wrench (n, 6, 3), of common errors on the values."""
-    each = np.broadcast_to(np.asarray(attitudes.each, float), len(f))[:, None, None]
+    sigma = np.broadcast_to(np.asarray(attitudes.each, float), len(f))[:, None, None]
     common = np.zeros((len(f), 3, 0)) if attitudes.common is None else attitudes.common
-    tilts = _wrench_change(values, -cross_matrices(f)) * each
+    tilts = _wrench_change(values, -cross_matrices(f)) * sigma
     return tilts, np.einsum("pnc,nck->pk", gain, _wrench_change(values, common))
 
 

@@ -94,12 +94,12 @@ class SqliteFile(ForeignFile):
         database.text_factory = lambda data: data.decode("utf-8", "replace")
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self.budget.piece)
         database.execute("PRAGMA trusted_schema = OFF")
-        left = LEAST_STEPS + STEPS_PER_BYTE * os.path.getsize(self.path)
+        remaining = LEAST_STEPS + STEPS_PER_BYTE * os.path.getsize(self.path)
 
         def exhausted() -> bool:
-            nonlocal left
-            left -= STEPS
-            return left < 0
+            nonlocal remaining
+            remaining -= STEPS
+            return remaining < 0
 
         database.set_progress_handler(exhausted, STEPS)
 

@@ -67,11 +67,11 @@ def ask(
     heard = b""
     for _ in range(tries):
         yield Send(command)
-        left = seconds
-        while left > 0:
-            data, took = yield Listen(left)
+        remaining = seconds
+        while remaining > 0:
+            data, took = yield Listen(remaining)
             heard += data
-            left -= took
+            remaining -= took
             answer = find(heard)
             if answer is not None:
                 return answer

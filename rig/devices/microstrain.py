@@ -93,9 +93,9 @@ def find_field(data: bytes, descriptor_set: int, descriptor: int) -> bytes | Non
     start = data.find(b"\x75\x65")
     while start >= 0:
         end = start + 6 + (data[start + 3] if len(data) > start + 3 else 255)
-        whole = data[start:end]
-        if len(whole) == end - start and whole[-2:] == fletcher(whole[:-2]) and whole[2] == descriptor_set:
-            data_of = dict(fields(whole[4:-2]) or [])
+        frame = data[start:end]
+        if len(frame) == end - start and frame[-2:] == fletcher(frame[:-2]) and frame[2] == descriptor_set:
+            data_of = dict(fields(frame[4:-2]) or [])
             if descriptor in data_of:
                 return data_of[descriptor]
         start = data.find(b"\x75\x65", start + 1)
@@ -191,11 +191,11 @@ class MicroStrainEmulator(Emulator):
             length = self._heard[start + 3] + 6
             if len(self._heard) - start < length:
                 break
-            whole = bytes(self._heard[start : start + length])
-            intact = whole[-2:] == fletcher(whole[:-2])
+            frame = bytes(self._heard[start : start + length])
+            intact = frame[-2:] == fletcher(frame[:-2])
             del self._heard[: start + (length if intact else 1)]
-            for descriptor, body in (fields(whole[4:-2]) or []) if intact else []:
-                answer += self._answer(whole[2], descriptor, body)
+            for descriptor, body in (fields(frame[4:-2]) or []) if intact else []:
+                answer += self._answer(frame[2], descriptor, body)
         return answer
 
     def _answer(self, descriptor_set: int, command: int, data: bytes) -> bytes:

@@ -46,7 +46,7 @@ def numbers(identifier: int, data: bytes) -> tuple[float, ...]:
     if form == 1:
         return tuple(v / 2**20 for v in struct.unpack(f">{len(data) // 4}i", data))
     if form == 2:
-        return tuple(whole + fraction / 2**32 for fraction, whole in struct.iter_unpack(">Ih", data))
+        return tuple(integer + fraction / 2**32 for fraction, integer in struct.iter_unpack(">Ih", data))
     return struct.unpack(f">{len(data) // 8}d", data)
 
 

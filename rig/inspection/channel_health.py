@@ -84,10 +84,10 @@ def _gaps(channel: SensorChannel) -> Iterator[TopicFinding]:
 
 def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return the wide steps that are not made up for: delayed samples come in a burst, the last without delay."""
-    late, ahead = time - np.arange(len(time)) * period, max(int(0.5 / max(period, 1e-9)), 1)
+    delay, ahead = time - np.arange(len(time)) * period, max(int(0.5 / max(period, 1e-9)), 1)
     ends = [0, *(wide + 1).tolist(), len(time)]  # of the stretches between wide steps; half a second of each counts
     least = [
-        (late[at : min(after, at + ahead)].min(), late[max(before, at - ahead) : at].min())
+        (delay[at : min(after, at + ahead)].min(), delay[max(before, at - ahead) : at].min())
         for before, at, after in zip(ends, ends[1:], ends[2:], strict=False)
     ]
     return np.array([then - before > 2.5 * period for then, before in least], bool)

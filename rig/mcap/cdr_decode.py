@@ -92,9 +92,9 @@ def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
     if shape.encoding == "cdr":
         columns.append(rows["encapsulation"][:, :2])
     equal = [values == values[0] for values in columns]
-    if all(each.all() for each in equal):
+    if all(mask.all() for mask in equal):
         return None
-    return np.logical_and.reduce([each.all(axis=1) for each in equal])
+    return np.logical_and.reduce([mask.all(axis=1) for mask in equal])
 
 
 def column_names(type_name: str) -> tuple[str, ...]:

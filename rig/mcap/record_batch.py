@@ -96,9 +96,9 @@ def _rounds(data: bytes, cycle: list[int], size: int) -> int:
     """
     import numpy as np  # a recording begins without it
 
-    whole = np.frombuffer(data, np.uint8, (len(data) - cycle[0]) // size * size, cycle[0]).reshape(-1, size)
+    cycles = np.frombuffer(data, np.uint8, (len(data) - cycle[0]) // size * size, cycle[0]).reshape(-1, size)
     heads = np.add.outer(np.array(cycle) - cycle[0], np.arange(HEAD)).ravel()
-    same = (whole[:, heads] == whole[0, heads]).all(axis=1)
+    same = (cycles[:, heads] == cycles[0, heads]).all(axis=1)
     return len(same) if same.all() else int(np.argmin(same))
 
 

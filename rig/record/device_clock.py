@@ -122,8 +122,8 @@ class CounterClock:
         times = np.round((counters - counter) * self.period).astype(np.int64)
         self.period *= 1 + fit(times, arrivals).skew
         tracker = ClockTracker()
-        for each, arrived in first:
-            tracker.add(self.time(each), arrived)
+        for count, arrived in first:
+            tracker.add(self.time(count), arrived)
         tracker.go_on(self.time(counter), arrival)
         first.clear()
         return tracker

@@ -153,9 +153,9 @@ class DeviceSource:
         """Origin of the stamps, and the quality of a counter's fit."""
         facts: dict[str, object] = {"stamped_by": self._stamped_by or "arrival"}
         if self._stamped_by == "counter":
-            of_fit = self._counter.uncertainty
+            uncertainty = self._counter.uncertainty
             facts["counter_period_ns"] = round(self._counter.period * (1 + self.clock.fit.skew), 3)
-            facts["stamp_uncertainty_us"] = None if of_fit is None else round(of_fit * 1e-3, 1)
+            facts["stamp_uncertainty_us"] = None if uncertainty is None else round(uncertainty * 1e-3, 1)
         return facts
 
     def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:

@@ -202,13 +202,13 @@ class Recorder:
         """Write everything that has arrived."""
         for source in session.sources:
             name = source.entry.name
-            of_source, signal = self._outputs[name], self._signals.get(name)
+            channels, signal = self._outputs[name], self._signals.get(name)
             for event in session.events(source):
                 if event.data:
                     time_ = event.time + self._epoch
                     self._writer.add_message(self._raw[name], time_, cdr_encode.encode_bytes(event.data), time_)
                 for measurement in source.take(event):
-                    self._write(of_source, measurement)
+                    self._write(channels, measurement)
                     if signal is not None:
                         signal.append((measurement.stamp, measurement.values))
         self._report_troubles(session)
@@ -229,10 +229,10 @@ class Recorder:
                 self._say(source.troubles[0])
                 self._report(cdr_encode.WARN, source, source.troubles.pop(0))
 
-    def _write(self, of_source: list[OutputChannel], measurement: Measurement) -> None:
+    def _write(self, channels: list[OutputChannel], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
         stamp += self._epoch
-        for channel, encode, part in of_source:
+        for channel, encode, part in channels:
             data = encode(stamp, values[part])
             self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 

@@ -75,8 +75,8 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
                 raise WrongKeyError("port", "write udp://ADDRESS or tcp://ADDRESS:NUMBER") from error
             return
         number = self.port.removeprefix("udp:")
-        whole = number.isascii() and number.isdigit() and len(number) <= 5
-        if number != self.port and not (whole and 0 < int(number) < 65536):
+        numeric = number.isascii() and number.isdigit() and len(number) <= 5
+        if number != self.port and not (numeric and 0 < int(number) < 65536):
             raise WrongKeyError("port", "write udp:NUMBER to listen, such as udp:5005, or udp://ADDRESS")
 
 

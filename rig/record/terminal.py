@@ -94,8 +94,8 @@ def summary_lines(summary: Summary) -> Iterator[str]:
     for name, delay in summary.delays.items():
         yield f"{name}: the IMU follows it by {1e3 * delay['delay_s']:.1f} ms"
     marks = f", {summary.marks} marks" if summary.marks else ""
-    whole = "complete" if summary.complete else "NOT COMPLETE"
-    yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {whole}"
+    state = "complete" if summary.complete else "NOT COMPLETE"
+    yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {state}"
 
 
 class Keys:

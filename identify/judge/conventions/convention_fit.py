@@ -111,9 +111,9 @@ def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
     The least of several sums.
     """
     changes = np.trace(sums.covariance(answer), axis1=-2, axis2=-1) / 3
-    left = solve(sums, terms, answer, variance=1.0).misfit / (3 * sums.instants)
+    misfit = solve(sums, terms, answer, variance=1.0).misfit / (3 * sums.instants)
     free = max(1 - len(terms) / (3 * sums.instants), 0.1)
-    return max(float(np.maximum(left / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
+    return max(float(np.maximum(misfit / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
 
 
 def negativity(fit: ConventionFit) -> Float[np.ndarray, "*m"]:

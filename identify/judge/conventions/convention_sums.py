@@ -114,8 +114,8 @@ def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
     change = np.broadcast_to(np.eye(count), (*matrix.shape[:-2], count, count)).copy()
     change[..., regressor.OMEGA, regressor.OMEGA] = change[..., regressor.ALPHA, regressor.ALPHA] = matrix
     i, j = np.array(PAIRS).T
-    of = lambda rows, columns: matrix[..., rows[:, None], columns]  # noqa: E731
-    products = of(i, i) * of(j, j) + of(i, j) * of(j, i)
+    entries = lambda rows, columns: matrix[..., rows[:, None], columns]  # noqa: E731
+    products = entries(i, i) * entries(j, j) + entries(i, j) * entries(j, i)
     change[..., regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
     return change
 

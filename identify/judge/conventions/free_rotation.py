@@ -107,7 +107,7 @@ GRID = _grid()
 
 def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.ndarray:
     """The rotation of least chi-square near a first one, by Newton's method, downhill where it is not convex."""
-    left = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
+    objective = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
     for _ in range(15):
         gradient, hessian = derivatives(sums.turned(imu=matrix), given, np.zeros(3))
         values, vectors = np.linalg.eigh(hessian)
@@ -116,12 +116,12 @@ def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.nda
         for _ in range(5):
             candidate = exponential(change) @ matrix
             new = float(chi_square(sums.turned(imu=candidate), given, admissible=False))
-            if new < left:
+            if new < objective:
                 break
             change = change / 2
         else:
             break
-        matrix, left = candidate, new
+        matrix, objective = candidate, new
         if float(np.linalg.norm(change)) < CONVERGED:
             break
     return matrix

@@ -53,8 +53,8 @@ def in_free_fall(imu: ImuSignal) -> bool:
     width = max(1, round(SMOOTHED / step))
     omega, force = _average(omega, width), _average(specific_force, width)[::width]
     motion = regressor.features(omega[::width].T, np.gradient(omega, step, axis=0)[::width].T)
-    of_lever = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
-    columns = np.concatenate([of_lever, np.broadcast_to(np.eye(3), of_lever.shape)], axis=2)
+    lever_columns = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
+    columns = np.concatenate([lever_columns, np.broadcast_to(np.eye(3), lever_columns.shape)], axis=2)
     power = max(float((force**2).sum()), 1e-12)
     priors = np.repeat([LARGEST_LEVER, LARGEST_ZERO], 3) ** -2.0
     normal = np.einsum("nij,nik->jk", columns, columns) / power + np.diag(priors)

@@ -147,11 +147,11 @@ def _likeness(sums: ConventionSums) -> float:
 def _least_trace(sums: ConventionSums) -> float:
     """The least trace of the tensor that the moments allow [kg·m²], over the axes under which they fit best."""
     candidates = [hypothesis.applied(sums) for hypothesis in hypotheses()]
-    left = [convention_fit.variance_left(turned, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for turned in candidates]
-    best = candidates[int(np.argmin(left))]
+    variances = [convention_fit.variance_left(turned, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for turned in candidates]
+    best = candidates[int(np.argmin(variances))]
     heaviest = (sums.size(FORCE) + 4 * sums.noise[0]) / max(sums.size(SPECIFIC), 1.0)
     priors = np.concatenate([[LARGEST_ARM] * 3, [np.inf] * 9, [LARGEST_ARM * heaviest] * 3])
-    fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(left), priors=priors)
+    fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(variances), priors=priors)
     moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
     spread = np.sqrt(max(float(fit.covariance[np.ix_(moments, moments)].sum()), 0.0))
     return abs(float(fit.values[moments].sum())) - CERTAIN * spread

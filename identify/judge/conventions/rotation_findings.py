@@ -43,18 +43,18 @@ def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> F
     return free if angle > LEAST_TURN and gain > TURNED else None
 
 
-def explains(sums: ConventionSums, columns: slice, left: float) -> bool:
+def explains(sums: ConventionSums, columns: slice, variance: float) -> bool:
     """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
-    return bool(left < max(9 * _white(sums, columns), UNEXPLAINED**2 * _changes(sums, columns)))
+    return bool(variance < max(9 * _white(sums, columns), UNEXPLAINED**2 * _changes(sums, columns)))
 
 
 def _well_explained(sums: ConventionSums) -> bool:
-    left = (
+    fits = (
         (FORCE, convention_fit.variance_left(sums, FORCE_TERMS, FORCE)),
         (MOMENT, convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)),
     )
     return all(
-        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * _changes(sums, columns) for columns, variance in left
+        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * _changes(sums, columns) for columns, variance in fits
     )
 
 

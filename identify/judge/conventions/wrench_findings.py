@@ -291,9 +291,9 @@ class _Examination:
 
     def _centre(self, sums: ConventionSums) -> CentreFit:
         offset = ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2
-        left = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
+        variance = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
         noise = convention_fit.force_noise(sums)
-        return convention_fit.fit_centre(sums, force=noise, moment=left, offset=max(offset, 1e-9))
+        return convention_fit.fit_centre(sums, force=noise, moment=variance, offset=max(offset, 1e-9))
 
     def _misplaced(self, sums: ConventionSums) -> float:
         """Chi-square of the declared centre of gravity against that which force and moment show."""
@@ -315,9 +315,9 @@ class _Examination:
             return None
         times = float(centre.r[certain] @ stated / (stated @ stated))
         near = [name for name, size in MOMENT_UNITS.items() if 1 / ALIKE < times * size < ALIKE]
-        left = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
-        best = min(near, key=left.__getitem__, default=None)
-        return best if best is not None and left[best] < chi_square / 10 else None
+        chi_squares = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
+        best = min(near, key=chi_squares.__getitem__, default=None)
+        return best if best is not None and chi_squares[best] < chi_square / 10 else None
 
     def _point(self) -> Iterator[Contradiction]:
         if self.declared.r_cg is None:
