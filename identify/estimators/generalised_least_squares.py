@@ -22,7 +22,7 @@ from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.regressor_rows import rows_of
 from identify.estimators.residual_trace import trace
-from identify.estimators.run_information import Information, alpha_noise, gain_error, information
+from identify.estimators.run_information import Information, alpha_noise, gain_error, information_of_rows
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
@@ -98,20 +98,19 @@ def whitened(
     Arguments and errors are those of :func:`identify.estimators.run_information.information`; ``sigma_r_cg`` is the
     centre of gravity's standard uncertainty on each axis [m].
     """
-    plain = information(run, estimator, r_cg, offsets=offsets)
     rows = rows_of(run, estimator)
-    lines = Lines.of(rows.segments, run.rate)
-    centred = rows._replace(phi=rows.phi - rows.phi.mean(axis=1, keepdims=True)) if offsets == "estimate" else rows
+    plain, lines = information_of_rows(run, rows, estimator, r_cg, offsets=offsets), rows.lines
+    unweighted = rows.centred if offsets == "estimate" else rows.transformed
     passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
     inside = _inside(run, lines, passed)
     if inside < lines.constants + FEWEST:
-        return _unweighed(plain, centred.transformed(lines))
+        return _unweighed(plain, unweighted)
     force, moment, motion = rows.force.T, rows.moment.T, rows.phi
     mean_force = force.mean(axis=0)
     if offsets == "still":
         force, moment = force - resting(run).force, moment - resting(run).moment
     about_cg = moment - np.cross(r_cg, force)
-    x, y, pushes = rows.transformed(lines), lines.transform(about_cg), lines.transform(force)
+    x, y, pushes = rows.transformed, lines.transform(about_cg), lines.transform(force)
     lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
     constants = lines.constant[:, None, None] * np.eye(3)
     free = constants if offsets == "estimate" else constants[:, :, :0]
@@ -129,7 +128,7 @@ def whitened(
     )
     roomy, remaining, freedom = _with_room(weighed, columns[:inside], follows, fit)
     longer = ((0, len(x) - inside), (0, 0), (0, 0))
-    every = np.concatenate([np.pad(weighed, longer), centred.transformed(lines), np.pad(roomy, longer)], axis=2)
+    every = np.concatenate([np.pad(weighed, longer), unweighted, np.pad(roomy, longer)], axis=2)
     scores = spectrum(remaining, freedom, lines.constants, passed**2).scores(every)
     weighted_scores = fit.spectrum.scores(weighed)
     residuals, removed = about_cg - rows.inertial_moment(fit.value[:6]), None

@@ -1,7 +1,8 @@
 """A run's samples as rows of the regression: which instants count, and both sides behind the same filter."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,8 +20,9 @@ FEWEST = 24
 """Samples that a run needs: with few more rows than unknowns, the residuals would say that there is no noise."""
 
 
-class Rows(NamedTuple):
-    """Features, force and moment of the instants that count, component first."""
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Features, force and moment of the instants that count, component first; made once for all estimates of a run."""
 
     phi: Float[np.ndarray, "13 n"]
     force: Float[np.ndarray, "3 n"]
@@ -31,16 +33,30 @@ class Rows(NamedTuple):
     """Instants that follow one another without a gap."""
     instants: Int[np.ndarray, " n"]
     """Indices of the rows' instants among those of the run."""
+    rate: float
+    """Sample rate of the run [Hz]."""
 
     def inertial_moment(self, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
         """Return ``Omega_R`` of each instant times a packed tensor [N·m]."""
         return self.phi.T @ (OMEGA_R_OF_FEATURES @ inertia)
 
-    def transformed(self, lines: Lines) -> Float[np.ndarray, "m 3 6"]:
-        """Return the cosine transform of ``Omega_R``, by that of the nine features that it is made of."""
+    @cached_property
+    def lines(self) -> Lines:
+        """Lines of the cosine transform of each segment."""
+        return Lines.of(self.segments, self.rate)
+
+    @cached_property
+    def transformed(self) -> Float[np.ndarray, "m 3 6"]:
+        """Cosine transform of ``Omega_R``, by that of the nine features that it is made of."""
         acting = OMEGA_R_OF_FEATURES.any(axis=(1, 2))
-        transformed = lines.transform(self.phi[acting].T)
+        transformed = self.lines.transform(self.phi[acting].T)
         return np.einsum("kji,mk->mji", OMEGA_R_OF_FEATURES[acting], transformed, optimize=True)
+
+    @cached_property
+    def centred(self) -> Float[np.ndarray, "m 3 6"]:
+        """Cosine transform of ``Omega_R`` less its mean."""
+        mean = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, self.phi.mean(axis=1))
+        return self.transformed - self.lines.constant[:, None, None] * mean
 
 
 def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
@@ -65,7 +81,12 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         )
     half = (len(run.t) - phi.shape[1]) // 2
     return Rows(
-        phi=phi[:, keep], force=force[:, keep], moment=moment[:, keep], segments=unbroken(keep), instants=half + keep
+        phi=phi[:, keep],
+        force=force[:, keep],
+        moment=moment[:, keep],
+        segments=unbroken(keep),
+        instants=half + keep,
+        rate=run.rate,
     )
 
 

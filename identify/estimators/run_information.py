@@ -13,7 +13,7 @@ from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums, normal_equations, sums_of
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.offsets import Offsets, estimated, rested, resting
-from identify.estimators.regressor_rows import rows_of
+from identify.estimators.regressor_rows import Rows, rows_of
 from identify.estimators.residual_trace import Trace, trace
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
@@ -91,7 +91,13 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     Raises:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
-    rows = rows_of(run, estimator)
+    return information_of_rows(run, rows_of(run, estimator), estimator, r_cg, offsets=offsets)
+
+
+def information_of_rows(
+    run: Run, rows: Rows, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice
+) -> Information:
+    """Return :func:`information` from the rows that the estimator made of the run."""
     phi, force, moment = rows.phi, rows.force, rows.moment
     count, motion = phi.shape[1], phi
     means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
@@ -101,13 +107,12 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
         force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
     normal, right, by_centre = _equations(sums_of(phi, force, moment), r_cg)
     inertia = np.linalg.pinv(normal, hermitian=True) @ right
-    rows = rows._replace(phi=phi)
     about_cg = moment - np.cross(r_cg, force, axisb=0, axisc=0)
-    residuals = about_cg.T - rows.inertial_moment(inertia)
-    lines = Lines.of(rows.segments, run.rate)
-    transformed, spread = rows.transformed(lines), np.linalg.pinv(normal, hermitian=True)
+    residuals = about_cg.T - phi.T @ (OMEGA_R_OF_FEATURES @ inertia)
+    transformed = rows.centred if offsets == "estimate" else rows.transformed
+    spread = np.linalg.pinv(normal, hermitian=True)
     errors = _spectrum(
-        lines=lines, rows=transformed, residuals=residuals, inverse=spread, estimator=estimator, rate=run.rate,
+        lines=rows.lines, rows=transformed, residuals=residuals, inverse=spread, estimator=estimator, rate=run.rate,
         offsets=offsets,
     )  # fmt: skip
     scores = errors.scores(transformed)

@@ -10,7 +10,6 @@ from identify.estimators.regressor_rows import rows_of
 from identify.judge.findings import Finding
 from identify.results.identification_result import Identification
 from identify.results.residual_cause import ResidualCause
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.rounding import significant
 from identify.signals.run import Run
 
@@ -45,11 +44,10 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
         run: the run.
         result: of an estimator by rows of Omega_R, whose low-pass is left out here.
     """
-    phi, force, moment = rows_of(run, replace(result.estimator, lowpass=None))[:3]
-    if phi.shape[1] < SHORTEST:
+    rows = rows_of(run, replace(result.estimator, lowpass=None))
+    if rows.phi.shape[1] < SHORTEST:
         return []
-    fitted = np.tensordot(phi.T, OMEGA_R_OF_FEATURES, axes=1) @ result.inertia
-    residuals = moment.T - np.cross(result.r_cg, force.T) - fitted
+    residuals = rows.moment.T - np.cross(result.r_cg, rows.force.T) - rows.inertial_moment(result.inertia)
     resonance = line(residuals, run.rate, above=OVER_BAND * run.band)
     if resonance is None or resonance.share < LEAST:
         return []
