@@ -181,29 +181,29 @@ def drawing(
     Raises:
         ExperimentError: parts and masses that do not fit.
     """
-    whole = None if mass is None else quantities.add("mass", mass)
+    mass_key = None if mass is None else quantities.add("mass", mass)
     for name, table in material.items():
         quantities.add(f"material.{name}.density", table.density)
     parts = [_part(f"part[{table.name or k}]", table, quantities, material) for k, table in enumerate(tables)]
     shared = any(part.mass is None for part in parts)
-    if shared and whole is None:
+    if shared and mass_key is None:
         raise ExperimentError("missing key mass: the body's, or mass, density or material of each part")
-    if whole is not None and not shared:
+    if mass_key is not None and not shared:
         raise ExperimentError("mass is not needed: every part has a mass of its own; remove the one or the others")
 
     def model(values: Values) -> Any:
         solids = [part.solid(values) for part in parts]
-        density = 0.0 if whole is None else _shared_density(values[whole], parts, solids, values)
+        density = 0.0 if mass_key is None else _shared_density(values[mass_key], parts, solids, values)
         return composite([_placed(part, solid, values, density) for part, solid in zip(parts, solids, strict=True)])
 
     return model
 
 
-def _shared_density(whole: Any, parts: Sequence[_Drawn], solids: list[Solid], values: Values) -> Any:
+def _shared_density(body_mass: Any, parts: Sequence[_Drawn], solids: list[Solid], values: Values) -> Any:
     """The density of the parts that share the body's mass: what is left of it over their volume."""
     pairs = list(zip(parts, solids, strict=True))
     stated = sum(part.mass(values, solid) for part, solid in pairs if part.mass is not None)
-    return (whole - stated) / sum(part.sign * solid.volume for part, solid in pairs if part.mass is None)
+    return (body_mass - stated) / sum(part.sign * solid.volume for part, solid in pairs if part.mass is None)
 
 
 def _placed(part: _Drawn, solid: Solid, values: Values, density: Any) -> Part:

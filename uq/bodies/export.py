@@ -55,7 +55,7 @@ class Exported(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: the files by format."""
-        return {name: of.file for name, of in self.formats.items()}
+        return {name: target_format.file for name, target_format in self.formats.items()}
 
 
 def export(
@@ -80,7 +80,7 @@ def export(
     """
     wanted = {name: export_format(name) for name in chosen(formats)}
     body, warnings = _body(result, force=force)
-    contents = {of.file: of.text(body) for of in wanted.values()}
+    contents = {target_format.file: target_format.text(body) for target_format in wanted.values()}
     made = Exported(contents, wanted, warnings, getattr(result, "provenance", {}))
     if folder is not None:
         made.write(folder)

@@ -68,10 +68,10 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
     before = _norm(measured.inertia - expected.inertia)
     candidates = []
     for candidate in _candidates(reference):
-        left = _norm(measured.inertia - candidate.tensor.inertia) / before
+        remaining = _norm(measured.inertia - candidate.tensor.inertia) / before
         within = (np.abs(normalised_error(measured, candidate.tensor)) <= 1).all()
-        if left < VANISHED or (within and left < SMALLER):
-            candidates.append((candidate, left))
+        if remaining < VANISHED or (within and remaining < SMALLER):
+            candidates.append((candidate, remaining))
     return _simplest(candidates)
 
 
@@ -91,11 +91,11 @@ def _norm(packed: np.ndarray) -> float:
 def _simplest(candidates: Sequence[tuple[_Candidate, float]]) -> tuple[Suspicion, ...]:
     """One for each cause; two causes together only where neither alone will do."""
     best: dict[str, tuple[_Candidate, float]] = {}
-    for candidate, left in sorted(candidates, key=lambda pair: (pair[0].moved, pair[1])):
-        best.setdefault(candidate.cause, (candidate, left))
+    for candidate, remaining in sorted(candidates, key=lambda pair: (pair[0].moved, pair[1])):
+        best.setdefault(candidate.cause, (candidate, remaining))
     if {"products", "point"} & set(best):
         best.pop(BOTH, None)
-    return tuple(Suspicion(cause, candidate.text, left) for cause, (candidate, left) in best.items())
+    return tuple(Suspicion(cause, candidate.text, remaining) for cause, (candidate, remaining) in best.items())
 
 
 # --- the conventions ---

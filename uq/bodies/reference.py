@@ -170,8 +170,8 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
     name = name if file.name is None else file.name
     cad, frame = file.cad, file.frame
     model = drawing(file.mass, file.material, file.part or (), quantities) if cad is None else _cad(cad, quantities)
-    placed = _frame(frame, quantities)
-    value, covariance, contributions = _propagated(lambda values: placed(values, model(values)), quantities)
+    transform = _frame(frame, quantities)
+    value, covariance, contributions = _propagated(lambda values: transform(values, model(values)), quantities)
     parameters = InertialParameters(float(value[0]), value[1:4], value[4:], covariance)
     wrong = _impossible(parameters, name)
     if wrong and cad is None:

@@ -38,5 +38,5 @@ def average(result: MonteCarloResult, trajectory: str, estimator: str, component
         figures, _ = finite_trials(influence)
     else:
         figures = of_replicates(lambda trials: finite_trials(trials)[0].mean(0), influence)
-    of_sigma, of_mean = map(float, standard_error(figures))
-    return Average(3 * float(sigma.mean()), of_sigma, float(np.abs(mean).mean()), of_mean)
+    sigma_standard_error, mean_standard_error = map(float, standard_error(figures))
+    return Average(3 * float(sigma.mean()), sigma_standard_error, float(np.abs(mean).mean()), mean_standard_error)

@@ -34,7 +34,7 @@ class ByTrajectory(Generic[Content]):
 
     def pairs(self) -> list[tuple[str, str]]:
         """Return every trajectory with every estimator."""
-        return [(trajectory, estimator) for trajectory, of in self.by_trajectory.items() for estimator in of]
+        return [(trajectory, estimator) for trajectory, names in self.by_trajectory.items() for estimator in names]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the records of every trajectory and estimator, in g·m², which these two name."""

@@ -58,8 +58,8 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         self, trajectory: str, estimator: str, probability: float = 0.95, kind: Kind = "symmetric"
     ) -> CoverageInterval:
         """Return the coverage intervals of the six components' errors, all sources together [kg·m²]."""
-        of = symmetric_interval if kind == "symmetric" else shortest_interval
-        return of(self.total_errors(trajectory, estimator), probability, self.points)
+        coverage_interval = symmetric_interval if kind == "symmetric" else shortest_interval
+        return coverage_interval(self.total_errors(trajectory, estimator), probability, self.points)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²."""
@@ -76,9 +76,9 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
                         "failed_trials": breakdown.failed,
                         "coverage": coverage_record(self.total_errors(trajectory, estimator), self.points),
                     }
-                    for estimator, breakdown in of_trajectory.items()
+                    for estimator, breakdown in breakdowns.items()
                 }
-                for trajectory, of_trajectory in self.breakdowns.items()
+                for trajectory, breakdowns in self.breakdowns.items()
             },
             "warnings": self.findings(),
             "provenance": dict(self.provenance),

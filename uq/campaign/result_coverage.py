@@ -31,15 +31,15 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
     """Return what an adaptive campaign was asked and what it reached; None for one that is not adaptive."""
     if stability is None:
         return None
-    verdicts = [of for trajectory in stability.values() for of in trajectory.values()]
+    verdicts = [verdict for trajectory in stability.values() for verdict in trajectory.values()]
     return {
         "digits": verdicts[0].goal.digits if verdicts[0].goal.tolerance is None else None,
-        "stable": all(of.stable for of in verdicts),
+        "stable": all(verdict.stable for verdict in verdicts),
         "blocks": verdicts[0].blocks,
         "trajectories": {
             trajectory: {
-                name: {"tolerance": by_component(of.tolerance), "reached": by_component(of.reached)}
-                for name, of in estimators.items()
+                name: {"tolerance": by_component(verdict.tolerance), "reached": by_component(verdict.reached)}
+                for name, verdict in estimators.items()
             }
             for trajectory, estimators in stability.items()
         },

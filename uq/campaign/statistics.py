@@ -43,16 +43,16 @@ class Statistics(Shown):
             return cls(errors.mean(0) if n else nothing, nothing, nothing, nothing)
         if figures is not None:
             mean, sigma = _mean_and_sigma(errors)
-            of_mean, of_sigma = standard_error(figures)
-            return cls(mean, of_mean, 3 * sigma, 3 * of_sigma)
+            mean_standard_error, sigma_standard_error = standard_error(figures)
+            return cls(mean, mean_standard_error, 3 * sigma, 3 * sigma_standard_error)
         mean = errors.mean(0)
         squares = np.square(errors - mean)
         variance = squares.sum(0) / (n - 1)
         fourth = np.square(squares).mean(0)
-        of_variance = np.maximum(fourth - variance**2 * (n - 3) / (n - 1), 0) / n
+        variance_of_variance = np.maximum(fourth - variance**2 * (n - 3) / (n - 1), 0) / n
         with np.errstate(invalid="ignore", divide="ignore"):
-            of_sigma = np.where(variance > 0, np.sqrt(of_variance) / (2 * np.sqrt(variance)), 0.0)
-        return cls(mean, np.sqrt(variance / n), 3 * np.sqrt(variance), 3 * of_sigma)
+            sigma_standard_error = np.where(variance > 0, np.sqrt(variance_of_variance) / (2 * np.sqrt(variance)), 0.0)
+        return cls(mean, np.sqrt(variance / n), 3 * np.sqrt(variance), 3 * sigma_standard_error)
 
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the four figures by component, in g·m²; a figure that does not exist is None."""
@@ -118,9 +118,9 @@ class Breakdown(Result, Generic[CaseFigures]):
         """Sort the figures of all cases into groups and sources."""
         groups: dict[str, CaseFigures] = {}
         sources: dict[str, CaseFigures] = {}
-        for case, of_case in zip(cases, figures, strict=True):
+        for case, case_figures in zip(cases, figures, strict=True):
             kind, _, name = case.name.partition(":")
-            (sources if kind == "source" else groups)[name or kind] = of_case
+            (sources if kind == "source" else groups)[name or kind] = case_figures
         return cls(groups, sources, failed)
 
     @property
@@ -174,7 +174,7 @@ def breakdown(
         points: what the trials were drawn from.
     """
     by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
-    statistics = (Statistics.of(of_case.T, points) for of_case in by_case)
+    statistics = (Statistics.of(case_errors.T, points) for case_errors in by_case)
     return Breakdown.of(cases, statistics, failed=int(np.sum(~ok.all(axis=1))))
 
 

@@ -92,7 +92,7 @@ def true_motions(
                 motions[name] = true_motion(experiment, spec)
             continue
         still, still_of_equal = (
-            platform_of(experiment, each).r_cg_from_still for each in (spec, specs[equal_rotation])
+            platform_of(experiment, trajectory).r_cg_from_still for trajectory in (spec, specs[equal_rotation])
         )
         motions[name] = further_from_still(motions[equal_rotation], np.asarray(still) - np.asarray(still_of_equal))
     return motions

@@ -101,8 +101,8 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
         for name, result in results.items() if speaks else ():
             if name:
                 print(f"\nbody {name}\n")
-            beside = [validate_law(laws[name], result)] if name in laws else []
-            finish(result, folders[name], *more[name], *beside, unsaid=[laws[name]] if name in laws else ())
+            validations = [validate_law(laws[name], result)] if name in laws else []
+            finish(result, folders[name], *more[name], *validations, unsaid=[laws[name]] if name in laws else ())
         for checkpoint in checkpoints.values() if speaks else ():
             if checkpoint is not None:
                 checkpoint.remove()

@@ -106,17 +106,17 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
     rig, path = rig_file.load_rig(arguments.rig), run_path(arguments.output)
     terminal = Terminal(uncontrolled(sys.stderr))
     recorder = Recorder(rig, path, note=arguments.note, say=terminal.say)
-    with _beside(arguments, path, target, recorder.stop) as beside:
+    with _beside(arguments, path, target, recorder.stop) as process:
 
         def tell() -> None:
-            while beside is not None and beside.messages:
-                terminal.say(beside.messages.popleft())
+            while process is not None and process.messages:
+                terminal.say(process.messages.popleft())
 
         def show(progress: "Progress") -> None:
             tell()
-            if beside is not None and not terminal.live and (line := beside.line()):
+            if process is not None and not terminal.live and (line := process.line()):
                 terminal.say(line)
-            terminal.progress(progress, () if beside is None else beside.block)
+            terminal.progress(progress, () if process is None else process.block)
 
         nothing_follows = arguments.by_itself and arguments.identify is None
         with _on_signal(recorder.stop, to_the_end=nothing_follows), Keys(sys.stdin, recorder.mark):

@@ -50,7 +50,7 @@ def file_schema(file: str) -> dict[str, Any]:
         return json_schema(tables[file])
     sources = [source_table(target, kind) for target, kind in sorted(KINDS)]
     schema = json_schema(ExperimentFile, Ring, SourceTable, DrawTable, *sources)
-    schema["properties"]["source"]["items"] = {"anyOf": [{"$ref": f"#/$defs/{each.__name__}"} for each in sources]}
+    schema["properties"]["source"]["items"] = {"anyOf": [{"$ref": f"#/$defs/{source.__name__}"} for source in sources]}
     return schema
 
 

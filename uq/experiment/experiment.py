@@ -300,9 +300,9 @@ class Experiment(Shown):
 
     def tables(self) -> list[Table]:
         """Return body, trajectories, estimators and sources, in units."""
-        of = (self.mass, self.r_cg_from_q, self.inertia, self.r_cg_from_omb, self.gravity)
+        parameters = (self.mass, self.r_cg_from_q, self.inertia, self.r_cg_from_omb, self.gravity)
         tables = [
-            experiment_tables.body_table(*of),
+            experiment_tables.body_table(*parameters),
             experiment_tables.trajectory_table(self.trajectories),
             experiment_tables.estimator_table(self.estimators),
             experiment_tables.source_table(self.sources, self.document if self.is_of_document() else None),

@@ -61,21 +61,21 @@ def source_table(sources: Sequence[Source], written: Mapping[str, Any] | None) -
 
 def left_out_note(names: Sequence[str]) -> list[str]:
     """Return what a result says of the sources that were left out; nothing where none was."""
-    said = ", ".join(name.replace("_", " ") for name in names)
-    return [f"left out, so not in any figure: {said}"] if said else []
+    sources = ", ".join(name.replace("_", " ") for name in names)
+    return [f"left out, so not in any figure: {sources}"] if sources else []
 
 
 def size_of(source: Mapping[str, Any]) -> str:
     """Return how large a source is, in the words of its ``[[source]]``: ``sigma`` bare, other keys by their names."""
-    of_kinds = dict.fromkeys(key for kind in KINDS.values() for key in kind.sizes)
-    said = []
-    for key in (*WIDTHS, *of_kinds, "distribution", "degrees_of_freedom", "mean"):
+    kind_sizes = dict.fromkeys(key for kind in KINDS.values() for key in kind.sizes)
+    sizes = []
+    for key in (*WIDTHS, *kind_sizes, "distribution", "degrees_of_freedom", "mean"):
         if key in source and source[key] != "normal":
             value = source[key]
             matrix = isinstance(value, list) and isinstance(value[0], list)
             text = "6×6 matrix" if matrix else on_axes(value) if isinstance(value, list) else str(value)
-            said.append(text if key == "sigma" else f"{key.replace('_', ' ')} {text}")
-    return "; ".join(said)
+            sizes.append(text if key == "sigma" else f"{key.replace('_', ' ')} {text}")
+    return "; ".join(sizes)
 
 
 def _figures(values: Any) -> str:

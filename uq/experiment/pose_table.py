@@ -79,25 +79,25 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
         return {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
 
 
-def uncertain(specific_force: np.ndarray, poses: Poses, of_sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:
+def uncertain(specific_force: np.ndarray, poses: Poses, sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:
     """Return how far attitudes may be off.
 
     Args:
         specific_force: of each pose, in B [m/s²].
         poses: what is declared of the attitudes.
-        of_sensor: the accelerometer that measured them; None: another sensor did.
+        sensor: the accelerometer that measured them; None: another sensor did.
         turn: R with body = R · the attitude's sensor.
     """
     gravity = np.linalg.norm(specific_force, axis=1)[:, None, None]
     axes = np.broadcast_to(poses.sigma_alignment * np.eye(3), (len(specific_force), 3, 3))
     turned = np.cross(axes, specific_force[:, None], axis=2).transpose(0, 2, 1)
     columns, lasting = [turned] * (poses.sigma_alignment > 0), 3 * (poses.sigma_alignment > 0)
-    if of_sensor is not None:
-        covariance = of_sensor.covariance if of_sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
+    if sensor is not None:
+        covariance = sensor.covariance if sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
         values, vectors = np.linalg.eigh(covariance)
         up = specific_force[:, :, None] / gravity
         across = np.eye(3) - up * up.transpose(0, 2, 1)
-        columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / of_sensor.gain)
+        columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / sensor.gain)
     return Attitudes(poses.sigma_attitude, np.concatenate(columns, axis=2) if columns else None, lasting)
 
 

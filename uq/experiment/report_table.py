@@ -191,7 +191,7 @@ def parse_report(content: Mapping[str, Any]) -> Report:
     refuse_claims(content)
     table = declared_table("report", content, ReportTable)
     conditions = {key: text.strip() for key, text in table.conditions.items() if text.strip()}
-    instruments = tuple(Instrument(each.texts, each.calibrated, each.due) for each in table.instrument)
+    instruments = tuple(Instrument(entry.texts, entry.calibrated, entry.due) for entry in table.instrument)
     return Report(**table.to_dict() | {"conditions": conditions}, instruments=instruments)
 
 
@@ -210,14 +210,14 @@ def read(provenance: Mapping[str, Any]) -> Report:
     report = parse_report(provenance.get("report", {}))
     inputs = provenance.get("inputs", ())
     days = recorded_days(inputs)
-    stated, left = [], _recorded_instruments(inputs)
+    stated, unmatched = [], _recorded_instruments(inputs)
     for instrument in report.instruments:
-        same = [other for other in left if instrument.is_same(other)]
+        same = [other for other in unmatched if instrument.is_same(other)]
         stated.append(replace(instrument, texts={**(same[0].texts if same else {}), **instrument.texts}))
-        left = [other for other in left if other not in same]
+        unmatched = [other for other in unmatched if other not in same]
     performed = report.performed or ((days[0], days[-1]) if len(days) > 1 else tuple(days))
     recorded = bool(days) and not report.performed
-    changes = {"performed": performed, "performed_recorded": recorded, "instruments": (*stated, *left)}
+    changes = {"performed": performed, "performed_recorded": recorded, "instruments": (*stated, *unmatched)}
     return msgspec.structs.replace(report, **changes)
 
 
@@ -250,7 +250,7 @@ def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> l
 def _of_serial_numbers(report: Report, recorded: list[Instrument]) -> Iterator[str]:
     for instrument in report.instruments:
         for other in recorded:
-            numbers = [each.texts.get("serial_number") for each in (instrument, other)]
+            numbers = [entry.texts.get("serial_number") for entry in (instrument, other)]
             if instrument.is_same(other) and all(numbers) and numbers[0] != numbers[1]:
                 yield f"{instrument.name} has serial number {numbers[0]} in [report] and {numbers[1]} in a recording"
 

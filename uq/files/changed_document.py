@@ -48,7 +48,7 @@ def with_entry(
         raise ExperimentError(f"unknown {table} {quoted(name)}: {choose(name, entries)}, {add}")
     entries[name] = change(entries.get(name, {}), keys)
     named = table == "trajectory"
-    content = entries if named else [{"name": each, **entry} for each, entry in entries.items()]
+    content = entries if named else [{"name": entry_name, **entry} for entry_name, entry in entries.items()]
     return {**deepcopy(dict(document)), table: deepcopy(content)}
 
 

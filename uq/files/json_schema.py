@@ -23,8 +23,8 @@ def json_schema(table: type[TomlTable], *parts: type[TomlTable]) -> dict[str, An
         parts: tables to which an annotation's schema refers, and bases whose keys are written once.
     """
     _, definitions = msgspec.json.schema_components((table, *parts), schema_hook=lambda _: {"type": "object"})
-    classes = {each.__name__: each for root in (table, *parts) for each in _tables_in(root)}
-    definitions = {name: each for name, each in definitions.items() if name in classes}  # others stand in no file
+    classes = {part.__name__: part for root in (table, *parts) for part in _tables_in(root)}
+    definitions = {name: schema for name, schema in definitions.items() if name in classes}  # others stand in no file
     for name, definition in definitions.items():
         definition.pop("title", None)
         definition["description"] = definition.get("description", "").replace("``", "")
@@ -51,8 +51,8 @@ def _tables_in(hint: Any) -> Iterator[type[TomlTable]]:
         parts: Iterable[Any] = get_type_hints(hint, include_extras=True).values()
     else:
         parts = get_args(hint)
-    for each in parts:
-        yield from _tables_in(each)
+    for part in parts:
+        yield from _tables_in(part)
 
 
 def _meanings(table: type) -> dict[str, str]:

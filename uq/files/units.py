@@ -111,10 +111,10 @@ def _meant(name: str, unit: str, *, known: bool = False) -> str:
     """``did you mean …? `` of a unit of the asked dimension; ``known``: the name is a unit, of another dimension."""
     if _fits(name, unit):
         return ""  # it is the number that cannot be read
-    names = [each for each in (unit, name.lower(), *WRITTEN) if _fits(each, unit)]
-    for each in names:
-        if each.translate(SPELLING).casefold() == name.translate(SPELLING).casefold():
-            return f"did you mean {each}? "
+    names = [candidate for candidate in (unit, name.lower(), *WRITTEN) if _fits(candidate, unit)]
+    for candidate in names:
+        if candidate.translate(SPELLING).casefold() == name.translate(SPELLING).casefold():
+            return f"did you mean {candidate}? "
     return "" if known else nearest(name, names)
 
 

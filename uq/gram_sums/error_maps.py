@@ -94,24 +94,24 @@ def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Arr
     weight: the air around it carries that.
     """
     xp = library_of(*errors, *body, platform.gravity, platform.r_cg_from_still)
-    displaced, of_displaced = errors.displaced_air[0], errors.displaced_air[1:4]
-    entrained, of_entrained = errors.entrained_air[0], errors.entrained_air[1:4]
+    displaced, displaced_moment = errors.displaced_air[0], errors.displaced_air[1:4]
+    entrained, entrained_moment = errors.entrained_air[0], errors.entrained_air[1:4]
     acceleration_cg = _acceleration(platform.r_cg_from_still + errors.r_cg_from_omb)
     level = exponential(errors.tilt)[2]
     axes = (level[None, :, None] * np.eye(3)[:, None]).reshape(3, 9)
     up = xp.concat([np.zeros((3, 9)), (platform.gravity + errors.gravity) * axes], axis=1)
-    force = (body.mass + entrained) * acceleration_cg + _acceleration(of_entrained) + (body.mass - displaced) * up
+    force = (body.mass + entrained) * acceleration_cg + _acceleration(entrained_moment) + (body.mass - displaced) * up
     spun = xp.tensordot(OMEGA_R_OF_FEATURES[OF_MOTION], body.inertia + errors.entrained_air[4:], axes=1).T
     about_cg = xp.concat([spun, np.zeros((3, 9))], axis=1)
-    about_cg = about_cg + cross_matrix(of_entrained) @ acceleration_cg - cross_matrix(of_displaced) @ up
+    about_cg = about_cg + cross_matrix(entrained_moment) @ acceleration_cg - cross_matrix(displaced_moment) @ up
     return xp.concat([force, about_cg + cross_matrix(body.r_cg_from_q) @ force])
 
 
 def _acceleration(offset: Float[Array, "3"]) -> Float[Array, "3 18"]:
     """``alpha × ρ + omega × (omega × ρ)`` from the functions of the motion."""
     xp = library_of(offset)
-    of_motion = xp.tensordot(FIRST_MOMENT_OF_FEATURES[OF_MOTION], offset, axes=1).T
-    return xp.concat([of_motion, np.zeros((3, 9))], axis=1)
+    coefficients = xp.tensordot(FIRST_MOMENT_OF_FEATURES[OF_MOTION], offset, axes=1).T
+    return xp.concat([coefficients, np.zeros((3, 9))], axis=1)
 
 
 def cell_map(errors: Errors) -> Float[Array, "6 6"]:

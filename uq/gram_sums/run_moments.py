@@ -61,19 +61,19 @@ class RunMoments:
         """Return the covariance of the sums of ``algebra.products`` under noise of omega."""
         algebra, axes, total = self.algebra, range(3), self.linear_covariance(noise)
         used = [pair for pair in product(axes, repeat=2) if algebra.by_quadratic[pair].any()]
-        for (f, of_f), (g, of_g) in product(noise.parts.items(), repeat=2):
+        for (f, cov_f), (g, cov_g) in product(noise.parts.items(), repeat=2):
             plain, exchanged = self.quadratic[f, g]
             for (i, j), (k, m) in product(used, repeat=2):
-                matrix = of_f[i, k] * of_g[j, m] * plain + of_f[i, m] * of_g[j, k] * exchanged
+                matrix = cov_f[i, k] * cov_g[j, m] * plain + cov_f[i, m] * cov_g[j, k] * exchanged
                 if matrix.any():
                     total += algebra.by_quadratic[i, j] @ matrix @ algebra.by_quadratic[k, m].T
         for axis in axes:
             third, fourth = noise.third_cumulant[axis], noise.fourth_cumulant[axis]
             if third or fourth:
                 by_linear, by_square = algebra.by_linear[axis], self.by_square[axis]
-                of_linear, of_squares = np.split(self.squares, [by_linear.shape[1]], axis=1)
-                crossed = third * by_square @ of_linear @ by_linear.T
-                total += crossed + crossed.T + fourth * by_square @ of_squares @ by_square.T
+                linear_sums, square_sums = np.split(self.squares, [by_linear.shape[1]], axis=1)
+                crossed = third * by_square @ linear_sums @ by_linear.T
+                total += crossed + crossed.T + fourth * by_square @ square_sums @ by_square.T
         return total
 
     def linear_covariance(self, noise: GyroNoise) -> Float[np.ndarray, "products products"]:
@@ -157,9 +157,9 @@ def _kernels(
 
 def _of_one_length(kernels: dict[NoiseFilter, dict[tuple[int, int], np.ndarray]]) -> dict[NoiseFilter, dict]:
     """Return the kernels with zeros on either side, so that those of two filters can be multiplied."""
-    longest = max(len(kernel) for of_filter in kernels.values() for kernel in of_filter.values())
+    longest = max(len(kernel) for by_channels in kernels.values() for kernel in by_channels.values())
     return {
-        f: {c: np.pad(k, (longest - len(k)) // 2) for c, k in of_filter.items()} for f, of_filter in kernels.items()
+        f: {c: np.pad(k, (longest - len(k)) // 2) for c, k in by_channels.items()} for f, by_channels in kernels.items()
     }
 
 
@@ -201,8 +201,8 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
     half, lags = len(kernel) // 2, np.flatnonzero(kernel)
     if len(lags) > FEW:
         size = fast_length(rows.shape[1] + len(kernel))
-        whole = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
-        return whole[:, inner.start + half : inner.stop + half]
+        convolution = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
+        return convolution[:, inner.start + half : inner.stop + half]
     total = np.zeros((len(rows), inner.stop - inner.start))
     for lag in lags:
         shift = lag - half

@@ -127,7 +127,7 @@ def centre_covariance_beside(
     covariance: Float[np.ndarray, "3 3"], shared: Mapping[str, Shared]
 ) -> Float[np.ndarray, "3 3"]:
     """Return the covariance of the centre of gravity without what shared sources do to it."""
-    return positive(covariance - sum(of.on_centre[1:] @ of.on_centre[1:].T for of in shared.values()))
+    return positive(covariance - sum(source.on_centre[1:] @ source.on_centre[1:].T for source in shared.values()))
 
 
 def with_shared_errors(
@@ -141,8 +141,8 @@ def with_shared_errors(
         changes: of the tensor by one standard uncertainty of each of their axes [kg·m²].
     """
     cross, lasting = result.parameters.covariance[:4, 4:].copy(), dict(result.lasting)
-    for name, of in shared.items():
-        for number, (on_centre, on_tensor) in enumerate(zip(of.on_centre.T, changes[name], strict=True), 1):
+    for name, source in shared.items():
+        for number, (on_centre, on_tensor) in enumerate(zip(source.on_centre.T, changes[name], strict=True), 1):
             label = f"{name} {number}"
             if label in lasting:
                 cross += np.outer(on_centre, on_tensor - lasting[label][4:])

@@ -72,14 +72,14 @@ def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str,
     scatter = np.sqrt(np.maximum(np.diag(together.covariance) - together.predicted_standard_uncertainty**2, 0))
     between = "scatter between mountings" if together.mountings > 1 else "scatter between runs"
     parts = {"residuals": residuals} | ({between: scatter} if scatter.any() else {})
-    total = {name: float((of**2).sum()) for name, of in sources.items()}
+    total = {name: float((contribution**2).sum()) for name, contribution in sources.items()}
     return parts | {name: sources[name] for name in sorted(sources, key=lambda name: -total[name])}
 
 
 def combined_diagnostics(
     together: Pooling,
     covariance: np.ndarray,
-    of_sources: np.ndarray,
+    source_covariance: np.ndarray,
     ends: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, Any]:
     """Return standard uncertainties of type A and B; degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
@@ -87,7 +87,7 @@ def combined_diagnostics(
     freedom = combined**2 * together.degrees_of_freedom / np.maximum(type_a, 1e-300) ** 2
     return {
         "standard_uncertainty_type_a": np.sqrt(type_a).tolist(),
-        "standard_uncertainty_type_b": np.sqrt(np.diag(of_sources)).tolist(),
+        "standard_uncertainty_type_b": np.sqrt(np.diag(source_covariance)).tolist(),
         "effective_degrees_of_freedom": np.minimum(freedom, 1e9).tolist(),
         "coverage_factor": ((ends[1] - ends[0]) / 2 / np.sqrt(np.maximum(combined, 1e-300))).tolist(),
         "scatter_between_runs": together.excess.tolist(),

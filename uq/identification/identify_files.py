@@ -106,11 +106,11 @@ def identify_files(
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
-    whole = () if experiment.fixture is None else (WITH_FIXTURE,)
+    fixture_warnings = () if experiment.fixture is None else (WITH_FIXTURE,)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*whole, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
+        warnings=(*fixture_warnings, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment)),
         provenance=provenance(**declared_inputs, inputs=inputs),
@@ -125,8 +125,8 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
     def acts(kind: str, *targets: str) -> bool:
         return any(is_declared(target, KINDS[target, kind], declared) for target in targets)
 
-    turned, late = acts("misalignment", "wrench", "omega"), acts("delay", "omega")
-    aligned = " and ".join(how for how, errs in (("in time", late), ("in frame", turned)) if not errs)
+    turned, delayed = acts("misalignment", "wrench", "omega"), acts("delay", "omega")
+    aligned = " and ".join(how for how, errs in (("in time", delayed), ("in frame", turned)) if not errs)
     instead = {f"{ALIGNED} in time and in frame": f"{ALIGNED} {aligned}" if aligned else ""}
     if acts("bias", "F", "M"):
         instead[NO_OFFSETS] = f"{NO_OFFSETS} beyond those declared"

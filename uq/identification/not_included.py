@@ -114,10 +114,10 @@ def _typical(experiment: Experiment, runs: Sequence[Run]) -> list[Source]:
         if figure is None or not error.kind:
             continue
         kind = kind_of(error.target, error.kind)
-        of_full_scale = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
-        if of_full_scale and not all(size):
+        is_fraction = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
+        if is_fraction and not all(size):
             continue
-        stated = np.array(figure) if of_full_scale else np.full(kind.shape, figure)
+        stated = np.array(figure) if is_fraction else np.full(kind.shape, figure)
         sigma = kind.placed(stated, np.repeat(size, 3))
         sources.append(Source(name=name, target=error.target, kind=error.kind, group="not included", sigma=sigma))
     return sources
@@ -127,9 +127,7 @@ def _open(source: Source, result: Identification, experiment: Experiment) -> boo
     """Whether an error is neither declared nor estimated."""
     if source.perturbs == "r_cg":
         return not np.any(result.sigma_r_cg > 0)
-    return not any(
-        (each.perturbs, each.signal) == (source.perturbs, source.signal) for each in experiment.sources if each.perturbs
-    )
+    return not any((s.perturbs, s.signal) == (source.perturbs, source.signal) for s in experiment.sources if s.perturbs)
 
 
 def _of_joint(

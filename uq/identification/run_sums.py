@@ -114,9 +114,9 @@ def run_sums(
             elements = elements_of(run, shifted, estimator)[:, span]
         if offsets == "estimate":
             elements = elements - elements.mean(axis=1, keepdims=True)
-        left = elements if fixed is None else fixed
-        gram.append(left @ elements.T)
-        with_wrench.append(left @ wrench.T)
+        weighted_elements = elements if fixed is None else fixed
+        gram.append(weighted_elements @ elements.T)
+        with_wrench.append(weighted_elements @ wrench.T)
     return WeightedSums(weight * np.array(gram), weight * np.array(with_wrench))
 
 

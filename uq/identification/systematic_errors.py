@@ -137,14 +137,14 @@ def with_declared_sources(
         misfit = {} if result.misfit is None else {"model misfit": np.abs(result.misfit)}
         return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common, seed)
-    of_sources = np.cov(systematic.common.T, ddof=1)
+    source_covariance = np.cov(systematic.common.T, ddof=1)
     if "r_cg" in redrawn and len({run.mounting for run in runs}) > 1:  # each mounting has its own
         result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
     else:
         result = _with_shared_errors(result, runs, experiment, redrawn)
     ten = np.nan_to_num(result.parameters.covariance)
     # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
-    covariance = with_cross(together.covariance + of_sources, ten[:4, :4], ten[:4, 4:])
+    covariance = with_cross(together.covariance + source_covariance, ten[:4, :4], ten[:4, 4:])
     with_sources = replace(
         result,
         covariance=covariance,
@@ -154,7 +154,7 @@ def with_declared_sources(
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in systematic.alone.items()}),
         diagnostics={
             **result.diagnostics,
-            **combined_diagnostics(together, covariance, of_sources, (low, high)),
+            **combined_diagnostics(together, covariance, source_covariance, (low, high)),
             "declared_sources": {"trials": trials, "seed": seed},
         },
     )
@@ -184,7 +184,7 @@ def propagated(problem: SystematicProblem, *, trials: int = TRIALS, seed: int = 
     errors, failed = finite_trials(tensors - np.linalg.solve(*equations(problem, [no_errors()] * len(problem.sums))))
     common, *others = np.moveaxis(errors, 1, 0)
     by_mounting = others.pop(0) if problem.redrawn else np.zeros_like(common)
-    alone = {source.name: of_source for source, of_source in zip(problem.sources, others, strict=True)}
+    alone = {source.name: source_errors for source, source_errors in zip(problem.sources, others, strict=True)}
     return Systematic(sources=problem.sources, common=common, by_mounting=by_mounting, alone=alone, failed=failed)
 
 
@@ -344,8 +344,8 @@ def _with_shared_errors(
     problem = problem_of(result, runs, experiment, redrawn=redrawn)
     shared = _shared(result, problem.sources, problem.mixing, redrawn)
     changes = {}
-    for name, of in shared.items():
-        axes = jnp.asarray(of.root.T)
+    for name, source in shared.items():
+        axes = jnp.asarray(source.root.T)
         changes[name] = np.asarray(_of_axes(problem, name, axes) - _of_axes(problem, name, -axes)) / 2  # GUM 5.1.3
     return with_shared_errors(result, shared, changes)
 
@@ -355,6 +355,6 @@ def _trials(
 ) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
         errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
-        return over_cases(lambda *of: estimate(problem, of), errors)
+        return over_cases(lambda *case_errors: estimate(problem, case_errors), errors)
 
     return jax.vmap(of_trial)(indices)

@@ -119,24 +119,24 @@ def tared(
         RunError: a mass is not known, the fixture is not lighter than the whole, or a covariance is none.
     """
     identified = empty if isinstance(empty, Identification) else None
-    whole, fixture = result.parameters, empty if isinstance(empty, InertialParameters) else empty.parameters
-    check(whole, fixture)
-    of_fixture = {} if identified is None else identified.lasting
-    both = [name for name in result.lasting if name in of_fixture]
-    effects = [np.array([of[name] for name in both]).reshape(-1, 10).T for of in (result.lasting, of_fixture)]
-    whole, fixture = (
+    assembly, fixture = result.parameters, empty if isinstance(empty, InertialParameters) else empty.parameters
+    check(assembly, fixture)
+    fixture_errors = {} if identified is None else identified.lasting
+    both = [name for name in result.lasting if name in fixture_errors]
+    effects = [np.array([error[name] for name in both]).reshape(-1, 10).T for error in (result.lasting, fixture_errors)]
+    assembly, fixture = (
         replace(ten, covariance=containing(ten.covariance, effect))
-        for ten, effect in zip((whole, fixture), effects, strict=True)
+        for ten, effect in zip((assembly, fixture), effects, strict=True)
     )
-    body = subtract(whole, fixture, effects[0] @ effects[1].T)
+    body = subtract(assembly, fixture, effects[0] @ effects[1].T)
     factors = [result.coverage_factors, np.full(10, NORMAL) if identified is None else identified.coverage_factors]
-    half_width = _half_width(whole, fixture, body, factors)
+    half_width = _half_width(assembly, fixture, body, factors)
     half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
-    said = [text for text in result.warnings if text != WITH_FIXTURE]
+    body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
     u = body.standard_uncertainty[:4]
     tared_result = replace(
         result,
@@ -154,21 +154,21 @@ def tared(
         centre_factor=np.divide(half_width[:4], u, out=np.full(4, NORMAL), where=u > 0),
         centre_from=LEFT,
         lasting={},
-        warnings=(*said, *(f"tare: {text}" for text in tare_warnings)),
+        warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
         assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
-        tare=Tare(fixture, whole, runs, None if identified is None else dict(identified.provenance)),
+        tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
     )
     return checked(tared_result)
 
 
 def _half_width(
-    whole: InertialParameters, fixture: InertialParameters, body: InertialParameters, factors: list[np.ndarray]
+    assembly: InertialParameters, fixture: InertialParameters, body: InertialParameters, factors: list[np.ndarray]
 ) -> np.ndarray:
     """Half of the interval of 95 % of each of the ten parameters; ``factors``: coverage factors of both, (10,) each."""
-    _, jacobian = value_and_jacobian(left_over, np.concatenate([whole.values, fixture.values]))
+    _, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
     alone = [
         np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
-        for by, parameters in ((jacobian[:, :10], whole), (jacobian[:, 10:], fixture))
+        for by, parameters in ((jacobian[:, :10], assembly), (jacobian[:, 10:], fixture))
     ]
     common = np.diag(body.covariance) - alone[0] - alone[1]
     # what is wider than normal is type A of each by itself, whose factor is of the component that it is made of

@@ -44,10 +44,10 @@ def about_target(estimate: LiveEstimate, target: float) -> str:
     wanted = f"target ± {significant(GRAM_METRE * target, 2)} g·m² at 95 %"
     forbids = estimate.forbids(target)
     if forbids is not None:
-        source, name, left = forbids
+        source, name, half_width = forbids
         return (
             f"{wanted}: no time reaches it, the declared sources, {source} first, leave ± "
-            f"{significant(GRAM_METRE * left, 2)} of {name}"
+            f"{significant(GRAM_METRE * half_width, 2)} of {name}"
         )
     if estimate.half_width[worst] <= target:
         return f"{wanted}: reached, {largest}"

@@ -77,23 +77,23 @@ class GrowingRun:
 
     def add(self, contents: Contents) -> None:
         """Take the messages that have come."""
-        of_wrench, of_imu = self._topics
-        if of_wrench in contents.topics:
-            self._wrench = _joined(self._wrench, contents.wrench(of_wrench))
-        if of_imu in contents.topics:
-            self._imu = _joined(self._imu, contents.imu(of_imu))
+        wrench_topic, imu_topic = self._topics
+        if wrench_topic in contents.topics:
+            self._wrench = _joined(self._wrench, contents.wrench(wrench_topic))
+        if imu_topic in contents.topics:
+            self._imu = _joined(self._imu, contents.imu(imu_topic))
 
     def blocks(self, metadata: dict[str, dict[str, str]], *, ended: bool = False) -> Iterator[Block]:
         """Yield the blocks that are whole; where the run has ended, the rest of it too."""
         if self._wrench is None or self._imu is None or min(len(self._wrench.stamp), len(self._imu.stamp)) < 2:
             return
-        of_wrench, of_imu = (self._times(channel) for channel in (self._wrench, self._imu))
+        wrench_times, imu_times = (self._times(channel) for channel in (self._wrench, self._imu))
         if self._start is None:
-            self._start = min(int(of_wrench[0]), int(of_imu[0]))
-        last = 1e-9 * (min(int(of_wrench[-1]), int(of_imu[-1])) - self._start)
+            self._start = min(int(wrench_times[0]), int(imu_times[0]))
+        last = 1e-9 * (min(int(wrench_times[-1]), int(imu_times[-1])) - self._start)
         self.seconds = max(self.seconds, last)
         if self._margin is None and (last >= BLOCK or ended):
-            self._margin = self._reach(of_wrench, of_imu)
+            self._margin = self._reach(wrench_times, imu_times)
         while self._margin is not None and (last >= self._next + BLOCK + self._margin or (ended and last > self._next)):
             final = ended and last < self._next + BLOCK + self._margin
             begin, end = self._next, np.inf if final else self._next + BLOCK
@@ -108,13 +108,13 @@ class GrowingRun:
     def _times(self, channel: WrenchChannel | ImuChannel) -> np.ndarray:
         return channel.stamp if self._recording.time == "header" else channel.log_time
 
-    def _reach(self, of_wrench: np.ndarray, of_imu: np.ndarray) -> float:
+    def _reach(self, wrench_times: np.ndarray, imu_times: np.ndarray) -> float:
         """Return the time by which the rows of a block reach beyond it [s]."""
-        intervals = [interval(1e-9 * (times - times[0])) for times in (of_wrench, of_imu)]
+        intervals = [interval(1e-9 * (times - times[0])) for times in (wrench_times, imu_times)]
         step = max(intervals)
         reach = step * (self._estimator.lost(1 / step) // 2 + 1)
         if step > UNEQUAL * min(intervals):
-            reach += max((len(lowpass(1 / each, 0.5 / step)) // 2) * each for each in intervals)
+            reach += max((len(lowpass(1 / period, 0.5 / step)) // 2) * period for period in intervals)
         return reach + self._delay + SPLINE * step
 
     def _window(self, metadata: dict[str, dict[str, str]], begin: float, end: float) -> Run:

@@ -77,8 +77,8 @@ class LiveEstimate:
         """Return how much more motion of this kind the target takes [s]; infinite: no time reaches it."""
         if self.undetermined or self.forbids(target) is not None:
             return np.inf
-        left = np.maximum(target**2 - self.of_sources**2, 1e-300)
-        needed = np.where(self.half_width > target, self.type_a**2 / left, 1.0)
+        remaining = np.maximum(target**2 - self.of_sources**2, 1e-300)
+        needed = np.where(self.half_width > target, self.type_a**2 / remaining, 1.0)
         return float(max(self.seconds * (needed.max() - 1.0), 0.0))
 
     def forbids(self, target: float) -> tuple[str, str, float] | None:
@@ -97,28 +97,28 @@ def sources_in(experiment: Experiment) -> tuple[Source, ...]:
 
 def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
     """Return the estimate from the sums so far; of a run with at least one row."""
-    of_fit = fit(sums, experiment.stated_r_cg)
-    undetermined = _undetermined(of_fit.excitation)
+    fitted = fit(sums, experiment.stated_r_cg)
+    undetermined = _undetermined(fitted.excitation)
     zero = np.zeros(6)
     together = Pooling(
-        runs=1, mountings=0, from_residuals=of_fit.covariance, residual_degrees_of_freedom=of_fit.degrees_of_freedom,
-        from_scatter=None, predicted=np.sqrt(np.diag(of_fit.covariance)), between_runs=None, between_mountings=None,
+        runs=1, mountings=0, from_residuals=fitted.covariance, residual_degrees_of_freedom=fitted.degrees_of_freedom,
+        from_scatter=None, predicted=np.sqrt(np.diag(fitted.covariance)), between_runs=None, between_mountings=None,
         repeat_degrees_of_freedom=0, scatter_degrees_of_freedom=0, from_redrawn_sources=zero,
     )  # fmt: skip
     if undetermined:
         nothing = np.full(6, np.nan)
         return LiveEstimate(
-            seconds=sums.seconds, inertia=of_fit.inertia, standard_uncertainty=nothing,
+            seconds=sums.seconds, inertia=fitted.inertia, standard_uncertainty=nothing,
             interval95=np.full((6, 2), np.nan), type_a=together.half_width, of_sources=nothing,
             largest_source=(None,) * 6, undetermined=undetermined,
         )  # fmt: skip
-    systematic = propagated(_problem(sums, of_fit.inertia, experiment), trials=TRIALS)
+    systematic = propagated(_problem(sums, fitted.inertia, experiment), trials=TRIALS)
     low, high = combined_interval(together, systematic.common, 0)
     ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
     return LiveEstimate(
-        seconds=sums.seconds, inertia=of_fit.inertia,
-        standard_uncertainty=np.sqrt(np.diag(of_fit.covariance) + systematic.common.var(axis=0)),
-        interval95=of_fit.inertia[:, None] - np.stack([high, low], axis=1), type_a=together.half_width,
+        seconds=sums.seconds, inertia=fitted.inertia,
+        standard_uncertainty=np.sqrt(np.diag(fitted.covariance) + systematic.common.var(axis=0)),
+        interval95=fitted.inertia[:, None] - np.stack([high, low], axis=1), type_a=together.half_width,
         of_sources=(ends[1] - ends[0]) / 2, largest_source=_largest(systematic),
     )  # fmt: skip
 
@@ -130,10 +130,10 @@ def fit(sums: RunningSums, r_cg: Float[np.ndarray, "3"]) -> LiveFit:
     inverse = np.linalg.pinv(normal, hermitian=True)
     inertia = inverse @ right
     mean = sums.products[0] / sums.products[0, 0]
-    of_axes = np.swapaxes(OMEGA_R_OF_FEATURES, 0, 1)  # axis, feature, component
-    constant = mean[MOMENT] - np.cross(r_cg, mean[FORCE]) - np.einsum("afi,f,i->a", of_axes, mean[FEATURES], inertia)
+    moment_map = np.swapaxes(OMEGA_R_OF_FEATURES, 0, 1)  # axis, feature, component
+    constant = mean[MOMENT] - np.cross(r_cg, mean[FORCE]) - np.einsum("afi,f,i->a", moment_map, mean[FEATURES], inertia)
     rows = np.zeros((3, UNKNOWNS, len(FEATURES)))  # of the regression, from the features
-    rows[:, :6] = np.swapaxes(of_axes, 1, 2)
+    rows[:, :6] = np.swapaxes(moment_map, 1, 2)
     rows[np.arange(3), 6 + np.arange(3), 0] = 1.0
     residual = np.hstack([-np.einsum("auf,u->af", rows, np.append(inertia, constant)), -cross_matrix(r_cg), np.eye(3)])
     features = sums.products[np.ix_(FEATURES, FEATURES)]
@@ -148,21 +148,21 @@ def _type_a(
     """Covariance of the unknowns from the residuals' spectrum, and its degrees of freedom (GUM G.4)."""
     filled = sums.lines > 0
     count, spectra = sums.lines[filled], sums.spectra[filled]
-    of_features = spectra[:, : rows.shape[2], : rows.shape[2]]
-    products = np.einsum("auf,bfg,cvg->bacuv", rows, of_features, rows, optimize=True)
+    feature_spectra = spectra[:, : rows.shape[2], : rows.shape[2]]
+    products = np.einsum("auf,bfg,cvg->bacuv", rows, feature_spectra, rows, optimize=True)
     leverage = np.einsum("baauv,uv->ba", products, spread)
     free = np.maximum(count[:, None] - leverage, 1.0)
     gain = np.maximum(sums.gain[filled] / count, LEAST_GAIN)[:, None, None]
     squares = np.einsum("ak,bkl,cl->bac", residual, spectra, residual) / gain
     taken = agreeing(squares, free, gain[:, 0, 0])
-    left = taken @ free
-    root = np.sqrt(left)
+    dof = taken @ free
+    root = np.sqrt(dof)
     errors = gain * np.tensordot(taken, squares, 1) / (root[:, :, None] * root[:, None, :])
     scores = np.einsum("bac,bacuv->uv", errors, products)
     diagonal = np.einsum("uv,baavw,wu,baa->bau", spread, products, spread, errors, optimize=True)
     total = np.maximum(diagonal.sum(axis=(0, 1)), 1e-300)
-    of_lines = np.einsum("bk,bau->kau", taken, diagonal / left[:, :, None])  # bands that share lines err together
-    freedom = total**2 / np.maximum((of_lines**2 * free[:, :, None]).sum(axis=(0, 1)), 1e-300)
+    line_variances = np.einsum("bk,bau->kau", taken, diagonal / dof[:, :, None])  # bands that share lines err together
+    freedom = total**2 / np.maximum((line_variances**2 * free[:, :, None]).sum(axis=(0, 1)), 1e-300)
     return spread @ scores @ spread, np.clip(freedom, 1.0, 1e9)
 
 
@@ -185,9 +185,9 @@ def agreeing(
     power = np.maximum(np.einsum("baa->ba", squares), 1e-300)
     for b in map(int, np.flatnonzero((free >= OWN).all(axis=1) & (gain >= PASSED))):
         for k in range(b + 1, min(b + REACH + 1, len(free))):
-            total, left = power[taken[b]].sum(axis=0), free[taken[b]].sum(axis=0)
-            apart = np.abs(np.log(power[k] / free[k] / (total / left)))
-            if gain[k] < PASSED or (apart > DISAGREE * np.sqrt(2 / left + 2 / free[k])).any():
+            total, dof = power[taken[b]].sum(axis=0), free[taken[b]].sum(axis=0)
+            apart = np.abs(np.log(power[k] / free[k] / (total / dof)))
+            if gain[k] < PASSED or (apart > DISAGREE * np.sqrt(2 / dof + 2 / free[k])).any():
                 break
             taken[b, k] = True
     return taken

@@ -86,8 +86,8 @@ class RunningSums:
         self._add_delayed(block, rows, keep)
         self._add_spectra(rows[REGRESSED].T, keep, run.rate)
         sigma = alpha_noise(run, estimator)
-        of_axes = OMEGA_R_OF_FEATURES[ALPHA]
-        self.noise += len(keep) * np.einsum("k,kji,kje->ie", sigma**2, of_axes, of_axes)
+        alpha_map = OMEGA_R_OF_FEATURES[ALPHA]
+        self.noise += len(keep) * np.einsum("k,kji,kje->ie", sigma**2, alpha_map, alpha_map)
         self.seconds += len(keep) / run.rate
 
     def _moves(self, omega: np.ndarray, rate: float) -> bool:
@@ -109,11 +109,11 @@ class RunningSums:
         run, others = block.run, rows
         spline = uniform_spline(run.omega, 1 / run.rate) if len(self.delays) > 1 else None
         for number, delay in enumerate(self.delays):
-            left = rows[:ELEMENTS]
+            elements = rows[:ELEMENTS]
             if spline is not None:
                 shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
-                left = elements_of(run, shifted, self.estimator, begin=0.0)[:, keep]
-            self.delayed[number] += left @ np.concatenate([left, others]).T
+                elements = elements_of(run, shifted, self.estimator, begin=0.0)[:, keep]
+            self.delayed[number] += elements @ np.concatenate([elements, others]).T
 
     def _add_spectra(self, rows: Float[np.ndarray, "m 19"], keep: np.ndarray, rate: float) -> None:
         for segment in unbroken(keep):

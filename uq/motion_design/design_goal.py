@@ -48,10 +48,10 @@ def goal_of(
         mean_error: the same [kg·m²].
         objective: one of ``OBJECTIVES``.
     """
-    of = _parts(name, inertia)
+    part_widths = _parts(name, inertia)
 
     def widths(covariance, mean_error):
-        return of(covariance + jnp.outer(mean_error, mean_error) if objective == "rms" else covariance)
+        return part_widths(covariance + jnp.outer(mean_error, mean_error) if objective == "rms" else covariance)
 
     base = widths(jnp.asarray(covariance), jnp.asarray(mean_error))
     base = base.max() if name == "worst" else base

@@ -204,9 +204,9 @@ def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray
     furthest = np.where(unbroken, tilts[None, :, None], -1.0).max(axis=1)
     pivot = furthest.argmax(axis=1)
     reach = furthest.max(axis=1)
-    each = [(azimuth, values * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
+    tilted = [(azimuth, values * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
             for values in (1.0, 0.5)]  # fmt: skip
-    poses_to_try = np.array([(0.0, 0.0, 0.0), *(pose for pose in each if pose[1] > 0)])
+    poses_to_try = np.array([(0.0, 0.0, 0.0), *(pose for pose in tilted if pose[1] > 0)])
     return _leaning(experiment.platform, *map(jnp.asarray, poses_to_try.T)), reach
 
 

@@ -222,9 +222,9 @@ def _variances(
     chosen = experiment.estimator(estimator).name
     trajectories = {name: lasting(spec, duration)}
     breakdown = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), name, chosen)[name, chosen]
-    each = np.array([np.diag(breakdown.sources[source.name].covariance) for source in experiment.sources])
-    total = each.sum(axis=0)
-    return each * (np.diag(breakdown.total.covariance) / np.where(total > 0, total, 1.0))
+    variances = np.array([np.diag(breakdown.sources[source.name].covariance) for source in experiment.sources])
+    total = variances.sum(axis=0)
+    return variances * (np.diag(breakdown.total.covariance) / np.where(total > 0, total, 1.0))
 
 
 def _durations(spec: TrajectorySpec) -> np.ndarray:

@@ -30,11 +30,11 @@ class BeyondLawError(ExperimentError):
 
     def __init__(self, reasons: Mapping[str, str], shares: Mapping[str, float] | None = None) -> None:
         self.reasons, self.shares = dict(reasons), {k: v for k, v in (shares or {}).items() if k in reasons}
-        said = ", ".join(f"{quoted(name)} {reason}{self._share(name)}" for name, reason in self.reasons.items())
+        text = ", ".join(f"{quoted(name)} {reason}{self._share(name)}" for name, reason in self.reasons.items())
         options = " ".join(f"--without {name if name.isidentifier() else quoted(name)}" for name in self.reasons)
         many = f"{len(self.reasons)} sources" if len(self.reasons) > 1 else "a source"
         them = "them" if len(self.reasons) > 1 else "it"
-        super().__init__(f"the law does not take {many}: {said}; leave {them} out ({options}), or use the Monte Carlo")
+        super().__init__(f"the law does not take {many}: {text}; leave {them} out ({options}), or use the Monte Carlo")
 
     def _share(self, name: str) -> str:
         share = self.shares.get(name)
@@ -50,7 +50,7 @@ def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: P
         peaks: how far the noise-free signals go.
     """
     added = [(source.signal, source.error_kind.added_variance(source)) for source in sources]
-    variance = {signal: np.sum([each for of, each in added if of == signal], axis=0) for signal, _ in added}
+    variance = {signal: np.sum([term for other, term in added if other == signal], axis=0) for signal, _ in added}
     reasons = {source.name: _reason(source, variance[source.signal], mixing, peaks) for source in sources}
     return {name: reason for name, reason in reasons.items() if reason}
 
@@ -79,11 +79,11 @@ def _reason(source: Source, added: np.ndarray, mixing: Sequence[Mixing], peaks: 
         return "has no finite standard deviation (state more than two degrees of freedom)"
     if source.signal is None:
         return None
-    of_source = [mix.correlation for mix in mixing if source.name in mix.names]
+    correlations = [mix.correlation for mix in mixing if source.name in mix.names]
     signal = SignalRange(
         peaks.largest[source.target],
         peaks.moves[source.target],
         added,
-        any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in of_source),
+        any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
     )
     return source.error_kind.beyond_the_law(source, signal)

@@ -46,8 +46,8 @@ class PreparedLaw:
         experiment = self.experiment if sources is None else replace(self.experiment, sources=tuple(sources))
         cases = cases_of(experiment.sources)
         breakdowns, warnings = {}, list(self.warnings)
-        for name, of_estimators in self.of_cases(cases, experiment.sources).items():
-            breakdowns[name] = {e: Breakdown.of(cases, each) for e, each in of_estimators.items()}
+        for name, estimators in self.of_cases(cases, experiment.sources).items():
+            breakdowns[name] = {e: Breakdown.of(cases, figures) for e, figures in estimators.items()}
             for estimator, breakdown in breakdowns[name].items():
                 warnings += large_mean_error(f"{name}, {estimator}", breakdown.total)
         nominal = np.asarray(experiment.body.inertia)
@@ -164,8 +164,8 @@ def _freedom(
     terms = jacobian[..., :, None] * covariance[..., None, :, :] * jacobian[..., None, :]
     gum_terms = terms * np.outer(constants.gum_ratio, constants.gum_ratio)
     squares = np.einsum("si,...aij,sj->...as", constants.joint, gum_terms, constants.joint)
-    of_total = np.diagonal(total, axis1=-2, axis2=-1)
-    variance = np.maximum(of_total - np.sum(terms - gum_terms, axis=(-1, -2)), 0)
+    total_variance = np.diagonal(total, axis1=-2, axis2=-1)
+    variance = np.maximum(total_variance - np.sum(terms - gum_terms, axis=(-1, -2)), 0)
     freedom = np.min(np.where(constants.joint > 0, constants.freedom, np.inf), axis=1, initial=np.inf)
     denominator = np.sum(squares**2 / freedom, axis=-1)
     effective = np.divide(variance**2, denominator, out=np.full_like(variance, np.inf), where=denominator > 0)

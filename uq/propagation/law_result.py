@@ -109,8 +109,8 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
             **self.form(),
             "unit": "g*m^2",
             "trajectories": {
-                trajectory: {estimator: breakdown.to_dict() for estimator, breakdown in of_trajectory.items()}
-                for trajectory, of_trajectory in self.breakdowns.items()
+                trajectory: {estimator: breakdown.to_dict() for estimator, breakdown in breakdowns.items()}
+                for trajectory, breakdowns in self.breakdowns.items()
             },
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),

@@ -120,9 +120,9 @@ class LawValidation(Result):
         """Return the verdict on each law's interval by case and component."""
         return [
             {"trajectory": v.trajectory, "estimator": v.estimator, "case": v.case, "component": component}
-            | {"law": of_law, "textbook": of_textbook}
+            | {"law": law, "textbook": textbook}
             for v in self.verdicts
-            for component, of_law, of_textbook in zip(COMPONENTS, words_of(v.law), words_of(v.textbook), strict=True)
+            for component, law, textbook in zip(COMPONENTS, words_of(v.law), words_of(v.textbook), strict=True)
         ]
 
     def to_dict(self) -> dict[str, Any]:

@@ -160,8 +160,8 @@ class Prediction(Pytree):
 
         phi, slopes = jax.jvp(features, (jnp.zeros(()),), (jnp.ones(()),))
         now, later = jax.jvp(sums, (phi,), (slopes,))
-        of_instant = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
-        moment = jax.vmap(of_instant, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
+        moment_rate = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
+        moment = jax.vmap(moment_rate, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
         twice = FeatureSums(
             jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(weights[None] * slopes @ moment.T)
         )

@@ -147,8 +147,8 @@ def _of_joints(
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         taps = differentiator(uniform, rate, name, band=band)
         slope, inner = _slope(uniform, taps), uniform[len(taps) : len(uniform) - len(taps)]
-        of_joints = np.sqrt(np.mean(np.diff(uniform, 4, axis=0) ** 2, axis=0) / 70)
-        sigma, force = chain.spread(inner, of_joints), None
+        joint_sigma = np.sqrt(np.mean(np.diff(uniform, 4, axis=0) ** 2, axis=0) / 70)
+        sigma, force = chain.spread(inner, joint_sigma), None
         if gravity is not None:
             curve, within = _slope(slope, taps), slice(len(taps), len(inner) - len(taps))
             inner, slope = inner[within], slope[within]

@@ -63,11 +63,11 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     meaning = metadata.one_of("wrench", recording.wrench, metadata.wrench)
     if meaning is None:
         assumed.append("the wrench is that on the body")
-    of_wrench = _rotation(metadata, "wrench", recording.wrench_rotation_to_body, metadata.wrench_in_body)
-    of_imu = _rotation(metadata, "imu", recording.imu_rotation_to_body, metadata.imu_in_body)
+    wrench_rotation = _rotation(metadata, "wrench", recording.wrench_rotation_to_body, metadata.wrench_in_body)
+    imu_rotation = _rotation(metadata, "imu", recording.imu_rotation_to_body, metadata.imu_in_body)
     point = _point(metadata, "wrench_point", recording.wrench_point, metadata.wrench_at_q)
     position = _point(metadata, "imu_position", recording.imu_position, metadata.imu_at_q)
-    silent = {"the load cell's axes": of_wrench, "the IMU's axes": of_imu}
+    silent = {"the load cell's axes": wrench_rotation, "the IMU's axes": imu_rotation}
     if unsaid := [name for name, value in silent.items() if value is None]:
         assumed.append(f"{' and '.join(unsaid)} are the body's")
     if point is None:
@@ -75,9 +75,9 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     return DeclaredConventions(
         sign=-1.0 if meaning == "on_sensor" else 1.0, scales=scales,
         calibration=np.eye(6) if recording.calibration is None else recording.calibration,
-        wrench_rotation=np.eye(3) if of_wrench is None else of_wrench,
-        imu_rotation=np.eye(3) if of_imu is None else of_imu, wrench_point=np.zeros(3) if point is None else point,
-        imu_position=position, assumptions=tuple(assumed),
+        wrench_rotation=np.eye(3) if wrench_rotation is None else wrench_rotation,
+        imu_rotation=np.eye(3) if imu_rotation is None else imu_rotation,
+        wrench_point=np.zeros(3) if point is None else point, imu_position=position, assumptions=tuple(assumed),
     )  # fmt: skip
 
 
@@ -109,18 +109,18 @@ class _Metadata:
         meaning = about.get("wrench")
         self.wrench = meaning if meaning in ("on_body", "on_sensor") else None
         frames = _json(about.get("frames"))
-        of_wrench = str(frames.get(bag.wrench.topic, about.get("wrench_meaning", "")))
-        of_imu = str(frames.get(bag.imu.topic, about.get("imu", "")))
+        wrench_meaning = str(frames.get(bag.wrench.topic, about.get("wrench_meaning", "")))
+        imu_meaning = str(frames.get(bag.imu.topic, about.get("imu", "")))
         devices = [key.removesuffix(".topic") for key, value in about.items() if value == bag.wrench.topic]
         self.compensated = next(
             (about[f"{name}.compensated"] for name in devices if f"{name}.compensated" in about), ""
         )
-        self.wrench_in_body, self.imu_in_body = _in_body(of_wrench), _in_body(of_imu)
-        self.wrench_at_q, self.imu_at_q = _at_q(of_wrench), _at_q(of_imu)
+        self.wrench_in_body, self.imu_in_body = _in_body(wrench_meaning), _in_body(imu_meaning)
+        self.wrench_at_q, self.imu_at_q = _at_q(wrench_meaning), _at_q(imu_meaning)
         self.units = {name: unit for name, unit in _json(about.get("units")).items() if isinstance(unit, str)}
-        if "[N]" in of_wrench and "[N*m]" in of_wrench:
+        if "[N]" in wrench_meaning and "[N*m]" in wrench_meaning:
             self.units = {"force": "N", "moment": "N*m"} | self.units
-        if "[rad/s]" in of_imu and "[m/s^2]" in of_imu:
+        if "[rad/s]" in imu_meaning and "[m/s^2]" in imu_meaning:
             self.units = {"angular_velocity": "rad/s", "acceleration": "m/s^2"} | self.units
 
     def one_of(self, key: str, declared: Any, stated: Any) -> Any:
@@ -157,16 +157,16 @@ def _scales(metadata: _Metadata, recording: RecordingTable, assumed: list[str]) 
     scales, silent = {}, []
     for quantity, si in UNITS.items():
         declared, unit_name = recording.unit(quantity), metadata.units.get(quantity)
-        of_run = None if unit_name is None else _scale(metadata, quantity, unit_name, si)
+        run_scale = None if unit_name is None else _scale(metadata, quantity, unit_name, si)
         if declared is not None:
             scales[quantity] = scale(declared, si)
-            if of_run is not None and abs(of_run / scales[quantity] - 1) > EQUAL:
+            if run_scale is not None and abs(run_scale / scales[quantity] - 1) > EQUAL:
                 raise metadata.contradiction(
                     f"its {quantity.replace('_', ' ')} is in {unit_name}", f"{quantity}_unit", declared
                 )
         else:
-            scales[quantity] = 1.0 if of_run is None else of_run
-            silent += [SYMBOLS[quantity]] * (of_run is None)
+            scales[quantity] = 1.0 if run_scale is None else run_scale
+            silent += [SYMBOLS[quantity]] * (run_scale is None)
     if silent:
         assumed.append(f"values are in {', '.join(silent)}")
     return scales

@@ -99,9 +99,9 @@ class Chain:
         columns = [k for _, k in self.joints]
         if velocity.shape[1]:
             travelled = np.diff(position[:, columns], axis=0)
-            said = 0.5 * (velocity[1:] + velocity[:-1])[:, columns] * np.diff(t)[:, None]
+            integrated = 0.5 * (velocity[1:] + velocity[:-1])[:, columns] * np.diff(t)[:, None]
             power = float((travelled**2).sum())
-            ratio = float((said * travelled).sum()) / power if power > 0 else 1.0
+            ratio = float((integrated * travelled).sum()) / power if power > 0 else 1.0
             if abs(ratio - 1) > UNLIKE:
                 raise RunError(
                     f"velocities of {name} are {ratio:.3g} times the rate of its positions: record both in rad and "
@@ -133,16 +133,16 @@ class Chain:
             speed[self._moving], slope[self._moving] = velocity[k, columns], acceleration[k, columns]
             pinocchio.forwardKinematics(self.model, self.data, self._configuration(position[k]), speed, slope)
             pinocchio.updateFramePlacement(self.model, self.data, self.frame)
-            of_frame = self.model, self.data, self.frame, pinocchio.LOCAL
+            frame_arguments = self.model, self.data, self.frame, pinocchio.LOCAL
             turn = self.data.oMf[self.frame].rotation
-            readings[k] = pinocchio.getFrameClassicalAcceleration(*of_frame).linear - turn.T @ gravity
+            readings[k] = pinocchio.getFrameClassicalAcceleration(*frame_arguments).linear - turn.T @ gravity
         return readings
 
     def spread(self, position: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the frame's angular noise on each axis, root mean square, of the joints' own noise (k,)."""
-        of_joints = sigma[[k for _, k in self.joints]]
+        joint_sigma = sigma[[k for _, k in self.joints]]
         step = max(len(position) // 200, 1)
-        squares = [self.jacobian(at) ** 2 @ of_joints**2 for at in position[::step]]
+        squares = [self.jacobian(at) ** 2 @ joint_sigma**2 for at in position[::step]]
         return np.sqrt(np.mean(squares, axis=0))
 
     @property

@@ -82,14 +82,14 @@ def _ticks(channel: Channel) -> np.ndarray:
         return np.round(number * (arrival[-1] - arrival[0]) / max(number[-1], 1)).astype(np.int64)
     number = np.arange(n)
     period = device_clock.steady_period(arrival)
-    late = arrival - np.round(number * period)
+    delay = arrival - np.round(number * period)
     ahead = max(int(AHEAD * 1e9 / period), 1)
     for k in np.flatnonzero(np.diff(arrival) > GAP * period):
-        after, before = np.median(late[k + 1 : k + 1 + ahead]), np.median(late[max(k + 1 - ahead, 0) : k + 1])
+        after, before = np.median(delay[k + 1 : k + 1 + ahead]), np.median(delay[max(k + 1 - ahead, 0) : k + 1])
         lost = round((after - before) / period)
         if lost > GAP / 2:  # fewer are within the jitter, and shift no sample by more
             number[k + 1 :] += lost
-            late[k + 1 :] -= round(lost * period)
+            delay[k + 1 :] -= round(lost * period)
     return np.round(number * period).astype(np.int64)
 
 

@@ -134,7 +134,7 @@ def frame_number(model: Any, frame: str, urdf: str, key: str) -> int:
         ExperimentError: there is no such frame.
     """
     if not model.existFrame(frame):
-        frames = listed(each.name for each in model.frames if each.name != "universe")
+        frames = listed(other.name for other in model.frames if other.name != "universe")
         raise ExperimentError(f"unknown frame {quoted(frame)} at {key}: {urdf} has {frames}")
     return int(model.getFrameId(frame))
 

@@ -168,7 +168,7 @@ def _joined(parent: ElementTree.Element) -> None:
     children: list[ElementTree.Element] = []
     for child in parent:
         _joined(child)
-        row = [each for each in children if child.tag != MARK or each.tag != "text"]
+        row = [sibling for sibling in children if child.tag != MARK or sibling.tag != "text"]
         before = row[-1] if row else None
         if before is not None and _look(child) == _look(before) is not None:
             before.set("d", before.get("d", "") + child.get("d", ""))

@@ -98,8 +98,8 @@ def html(section: Section, figures: list[Drawn], name: str) -> str:
     record = {key: _words(value) for key, value in section.provenance.items() if key not in ELSEWHERE}
     experiment = json_text(section.provenance.get("experiment") or section.provenance.get("resolved") or {})
     pictures, styles = styled([picture for figure in figures for picture in figure.pictures])
-    left = iter(pictures)
-    figures = [figure._replace(pictures=[next(left) for _ in figure.pictures]) for figure in figures]
+    remaining = iter(pictures)
+    figures = [figure._replace(pictures=[next(remaining) for _ in figure.pictures]) for figure in figures]
     template = environment.get_template("certificate.html" if section.front else "report.html")
     script, numbers = _script(environment) if section.adjustable else "", map(_numbers, section.adjustable)
     page = template.render(

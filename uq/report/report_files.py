@@ -47,7 +47,7 @@ def files(result: Any, *more: Any) -> dict[str, bytes]:
     return {
         result.file_name: json_text(content | ({"certificate": name} if name else {})).encode(),
         "report.html": html(section, figures, name).encode(),
-        **{file: data for each in (result, *more) for file, data in each.files().items()},
+        **{file: data for part in (result, *more) for file, data in part.files().items()},
         **{f"{figure.name}.svg": figure.svg for figure in figures},
         **{f"{figure.name}.png": rendered(figure.figure, "png") for figure in figures},
     }

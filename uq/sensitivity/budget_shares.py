@@ -111,8 +111,8 @@ class SourceBudget(Shown):
         for k, column in enumerate(COMPONENTS):
             mean = GRAM_METRE * m.mean_error[k], GRAM_METRE * m.mean_error_standard_error[k]
             yield "all", "all", column, "mean_error", *mean, "g*m^2"
-            of_variance = square * m.variance[k], square * m.variance_standard_error[k]
-            yield "all", "all", column, "variance", *of_variance, "(g*m^2)^2"
+            variance = square * m.variance[k], square * m.variance_standard_error[k]
+            yield "all", "all", column, "variance", *variance, "(g*m^2)^2"
             yield "all", "all", column, "bias_share", m.bias_share[k], m.bias_share_standard_error[k], "1"
             yield "all", "all", column, "closure", self.closure[k], self.closure_standard_error[k], "1"
         yield "all", "all", TENSOR, "bias_share", m.tensor_bias_share, m.tensor_bias_share_standard_error, "1"

@@ -55,9 +55,9 @@ class PairEffects(NamedTuple):
             for effects in (self.first, self.total, self.shapley)
         )
         if shapley is not None and self.walks is not None:
-            of_walks = walk_variance(self.walks, self.variance)
-            whole = walk_variance((self.walks @ weights)[..., None], (self.variance @ weights)[:, None])[:, 0]
-            shapley = shapley.widened(of_walks, whole)
+            output_variance = walk_variance(self.walks, self.variance)
+            generalised = walk_variance((self.walks @ weights)[..., None], (self.variance @ weights)[:, None])[:, 0]
+            shapley = shapley.widened(output_variance, generalised)
         return first, total, shapley
 
 
@@ -142,7 +142,7 @@ class ChoiceDesign(NamedTuple):
             tuple(Walk(start, tuple(generator.permutation(len(players)).tolist())) for start in starts)
             for players in partitions
         )
-        pairs = [(walk, game) for game, of_game in zip(partitions, walks, strict=True) for walk in of_game]
+        pairs = [(walk, game) for game, game_walks in zip(partitions, walks, strict=True) for walk in game_walks]
         visited: set[int] = set().union(*(_visited(walk, game, full) for walk, game in pairs))
         return cls(count, partitions, walks, tuple(sorted(visited)))
 
@@ -154,7 +154,7 @@ class ChoiceDesign(NamedTuple):
         places = {choice: k for k, choice in enumerate(self.choices)}
         y, full = lambda v: outputs[:, places[v]], 2**self.draws - 1
         walks = [_walked(walk, players, y, full) for walk in self.walks[game]]
-        first, total, shapley, variance = map(np.stack, zip(*(of_walk[:4] for of_walk in walks), strict=True))
+        first, total, shapley, variance = map(np.stack, zip(*(effects[:4] for effects in walks), strict=True))
         return PairEffects(
             first=first.mean(0), total=total.mean(0), shapley=shapley.mean(0), variance=variance.mean(0), walks=shapley
         )

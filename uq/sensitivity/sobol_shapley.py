@@ -215,5 +215,5 @@ def _average(numbers: np.ndarray, points: Points) -> Callable[[np.ndarray], np.n
     """Return independent figures from those of the trials of these numbers: means over each replicate."""
     if points == "random":
         return lambda figures: figures
-    of = numbers % REPLICATES
-    return lambda figures: np.stack([figures[of == replicate].mean(0) for replicate in np.unique(of)])
+    replicates = numbers % REPLICATES
+    return lambda figures: np.stack([figures[replicates == replicate].mean(0) for replicate in np.unique(replicates)])

@@ -181,13 +181,13 @@ def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
     good, failed = finite_trials(errors)
     size, g = len(twins.design.choices), len(twins.groups)
     none, alone, choices = good[:, 0], good[:, 1:-size], good[:, -size:]
-    of_sources, of_groups = (twins.design.effects(choices, game) for game in (0, 1))
+    source_effects, group_effects = (twins.design.effects(choices, game) for game in (0, 1))
     return SourceBudget(
-        _effects(twins.sources, of_sources, alone[:, g:]),
-        _effects(twins.groups, of_groups, alone[:, :g]),
+        _effects(twins.sources, source_effects, alone[:, g:]),
+        _effects(twins.groups, group_effects, alone[:, :g]),
         none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
-        _mean_square(choices.mean(1), of_sources.variance),
-        *closure(of_sources.variance, plain_variance(choices)),
+        _mean_square(choices.mean(1), source_effects.variance),
+        *closure(source_effects.variance, plain_variance(choices)),
         failed,
     )
 
@@ -204,14 +204,14 @@ def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray)
 def _mean_square(error: np.ndarray, variance: np.ndarray) -> MeanSquare:
     """Bias and dispersion of all sources together, from each trial's mean over its choices and its variance."""
     bias, bias_error = mean(error)
-    of_variance, of_variance_error = mean(variance)
-    each = np.array([_bias_share(error[:, [k]], variance[:, [k]], np.ones(1)) for k in range(len(WEIGHTS))])
-    share, share_error = each.T
-    whole, whole_error = _bias_share(error, variance, WEIGHTS)
+    mean_variance, variance_error = mean(variance)
+    component_shares = np.array([_bias_share(error[:, [k]], variance[:, [k]], np.ones(1)) for k in range(len(WEIGHTS))])
+    share, share_error = component_shares.T
+    tensor_share, tensor_share_error = _bias_share(error, variance, WEIGHTS)
     return MeanSquare(
-        mean_error=bias, mean_error_standard_error=bias_error, variance=of_variance,
-        variance_standard_error=of_variance_error, bias_share=share, bias_share_standard_error=share_error,
-        tensor_bias_share=whole, tensor_bias_share_standard_error=whole_error,
+        mean_error=bias, mean_error_standard_error=bias_error, variance=mean_variance,
+        variance_standard_error=variance_error, bias_share=share, bias_share_standard_error=share_error,
+        tensor_bias_share=tensor_share, tensor_bias_share_standard_error=tensor_share_error,
     )  # fmt: skip
 
 
@@ -224,15 +224,15 @@ def _bias_share(error: np.ndarray, variance: np.ndarray, weights: np.ndarray) ->
     n = len(error)
     if n < 2:
         return np.nan, np.nan
-    bias, of_variance = error.mean(0), variance.mean(0)
+    bias, mean_variance = error.mean(0), variance.mean(0)
     covariance = np.cov(error, rowvar=False).reshape(len(weights), len(weights)) / n
     square = weights @ (bias**2 - np.diag(covariance))
-    of_square = 2 * (error - bias) @ (weights * bias)
+    square_influence = 2 * (error - bias) @ (weights * bias)
     noise = 2 * np.sum(covariance**2 * np.outer(weights, weights))
     with np.errstate(invalid="ignore", divide="ignore"):
-        whole = square + weights @ of_variance
-        share = square / whole
-        influence = (1 - share) * of_square - share * (variance - of_variance) @ weights
-        of_first_order = influence.var(ddof=1) / n
-        beyond = (1 - share) ** 2 * max(-noise, noise - of_square.var(ddof=1) / n)
-    return float(share), float(np.sqrt(max(of_first_order + beyond, 0)) / whole)
+        mean_square = square + weights @ mean_variance
+        share = square / mean_square
+        influence = (1 - share) * square_influence - share * (variance - mean_variance) @ weights
+        first_order = influence.var(ddof=1) / n
+        beyond = (1 - share) ** 2 * max(-noise, noise - square_influence.var(ddof=1) / n)
+    return float(share), float(np.sqrt(max(first_order + beyond, 0)) / mean_square)

@@ -48,8 +48,8 @@ def shares(effects: np.ndarray, variance: np.ndarray, weights: np.ndarray) -> In
         weights: what each output counts in the generalised share, (outputs,).
     """
     value, error = ratio(effects, variance[:, None])
-    whole, whole_error = ratio(effects @ weights, (variance @ weights)[:, None])
-    return Indices(value, error, whole, whole_error)
+    generalised, generalised_error = ratio(effects @ weights, (variance @ weights)[:, None])
+    return Indices(value, error, generalised, generalised_error)
 
 
 def ratio(above: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +92,7 @@ def mean(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def plain_variance(
-    outputs: np.ndarray, averaged: Callable[[np.ndarray], np.ndarray] = lambda of_trials: of_trials
+    outputs: np.ndarray, averaged: Callable[[np.ndarray], np.ndarray] = lambda trials: trials
 ) -> np.ndarray:
     """Return terms of the ordinary sample variance of the outputs, averaged over equally distributed cases.
 
@@ -105,5 +105,5 @@ def plain_variance(
         variance.
     """
     groups = averaged(outputs)
-    of_mean = groups.var(0) / max(len(groups) - 1, 1)
-    return np.asarray((averaged((outputs - groups.mean(0)) ** 2) + of_mean).mean(1))
+    variance_of_mean = groups.var(0) / max(len(groups) - 1, 1)
+    return np.asarray((averaged((outputs - groups.mean(0)) ** 2) + variance_of_mean).mean(1))

@@ -20,12 +20,12 @@ def changed_source(entry: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[st
     """
     both = {**entry, **keys}
     kind = KINDS.get((str(both.get("target")), str(both.get("kind"))))
-    of_axes = kind is not None and kind.shape == (3,)
+    is_vector = kind is not None and kind.shape == (3,)
     before = {key for key in WIDTHS if key in entry}
     left_out: dict[str, None] = {}
     if before and set(keys) & set(WIDTHS) - before:
-        of_datasheet = ("full_scale",) if of_axes and "datasheet" in before else ()
-        left_out = dict.fromkeys((*before, *OF_ANOTHER_WIDTH, *of_datasheet))
+        datasheet_keys = ("full_scale",) if is_vector and "datasheet" in before else ()
+        left_out = dict.fromkeys((*before, *OF_ANOTHER_WIDTH, *datasheet_keys))
     return with_keys(entry, {**left_out, **keys})
 
 
@@ -39,13 +39,13 @@ def without_sources(
     Raises:
         ExperimentError: no source has such a name or kind.
     """
-    of_words: dict[str, list[str]] = {}
+    names_by_word: dict[str, list[str]] = {}
     for source in sources:
         for word in (source.name, source.kind):
-            of_words.setdefault(word.replace(" ", "_"), []).append(source.name)
+            names_by_word.setdefault(word.replace(" ", "_"), []).append(source.name)
     left_out: dict[str, None] = {}
     for wanted in which:
-        names = of_words.get(wanted.replace(" ", "_"))
+        names = names_by_word.get(wanted.replace(" ", "_"))
         if names is None:
             named, kinds = (dict.fromkeys(getattr(s, key) for s in sources) for key in ("name", "kind"))
             choices = f"choose a name of [[source]] ({listed(named)}) or a kind ({listed(kinds)})"

@@ -121,9 +121,9 @@ def over_cases(function: Callable[..., Any], errors: Sequence[Errors], *others: 
         others: any trees of arrays, the cases leading.
         out_axes: where the cases stand in the result.
     """
-    moving = [{field: x for field, x in each._asdict().items() if not isinstance(x, np.ndarray)} for each in errors]
-    of_case = lambda moving, *rest: function(*(no_errors()._replace(**each) for each in moving), *rest)  # noqa: E731
-    return jax.vmap(of_case, out_axes=out_axes)(moving, *others)
+    moving = [{field: x for field, x in case._asdict().items() if not isinstance(x, np.ndarray)} for case in errors]
+    case_result = lambda moving, *rest: function(*(no_errors()._replace(**case) for case in moving), *rest)  # noqa: E731
+    return jax.vmap(case_result, out_axes=out_axes)(moving, *others)
 
 
 def perturbed(sources: Sequence[Source]) -> frozenset[str]:

@@ -77,11 +77,11 @@ def _without_words(figure: str) -> str:
 
 
 def _half_width(text: str, figure: str, unit: str, full_scale: float | None, reading: float | None) -> float:
-    for pattern, name, whole in ((FULL_SCALE, "full scale", full_scale), (READING, "reading", reading)):
+    for pattern, name, base in ((FULL_SCALE, "full scale", full_scale), (READING, "reading", reading)):
         if match := pattern.fullmatch(figure):
-            if whole is None:
+            if base is None:
                 raise UnitError(f"is {quoted(text)}: give the {name} too")
-            return float(match[1]) / 100 * whole
+            return float(match[1]) / 100 * base
     try:
         value = quantity(re.sub(rf"^({NUMBER})\s*(?=\D)", r"\1 ", figure), unit)
     except UnitError:

@@ -221,8 +221,8 @@ class CurvilinearTrapezoid(Bounded):
 
     def __post_init__(self) -> None:
         super().__post_init__()  # first: the half-width is compared with limits in order
-        room = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
-        _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, room)
+        fits = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
+        _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, fits)
 
     @property
     def standard_deviation(self) -> Value:

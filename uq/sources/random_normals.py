@@ -65,8 +65,8 @@ def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64")
 def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
     """Return what :func:`normals` gives of each key, side by side."""
     dtype = jnp.result_type(float)  # float32 without float64
-    of_place = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, dtype))(keys)  # noqa: E731
-    pairs = drawn_in_turn(of_place, -(-count // 2))
+    place_pairs = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, dtype))(keys)  # noqa: E731
+    pairs = drawn_in_turn(place_pairs, -(-count // 2))
     return jnp.concatenate([pairs.real, pairs.imag])[:count]
 
 
@@ -98,11 +98,11 @@ def joined(parts: Sequence[Array], axis: int = 1) -> Array:
     """Return what ``concatenate`` does, each part written into its place: of that, XLA makes fast loops on a CPU."""
     shape = list(parts[0].shape)
     shape[axis] = sum(part.shape[axis] for part in parts)
-    whole, start = jnp.zeros(shape, parts[0].dtype), 0
+    concatenated, start = jnp.zeros(shape, parts[0].dtype), 0
     for part in parts:
-        whole = jax.lax.dynamic_update_slice_in_dim(whole, part, start, axis)
+        concatenated = jax.lax.dynamic_update_slice_in_dim(concatenated, part, start, axis)
         start += part.shape[axis]
-    return whole
+    return concatenated
 
 
 def _log(x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -69,13 +69,13 @@ class Source(Pytree):
     def size(self) -> str:
         """Size of the source in words: standard deviation and settings in SI."""
         unit = self.error_kind.targets[self.target]
-        said = [f"{name.replace('_', ' ')} {on_axes(values)} (SI)" for name, values in self.settings.items()]
+        texts = [f"{name.replace('_', ' ')} {on_axes(values)} (SI)" for name, values in self.settings.items()]
         sigma = np.asarray(self.standard_deviation) / part_of(unit)
         if sigma.ndim > 1:
-            said.insert(0, "6×6 matrix")
+            texts.insert(0, "6×6 matrix")
         elif sigma.size:
-            said.insert(0, f"{on_axes(sigma)} {unit}")
-        return "; ".join(said)
+            texts.insert(0, f"{on_axes(sigma)} {unit}")
+        return "; ".join(texts)
 
     @property
     def error_kind(self) -> "ErrorKind":
@@ -297,7 +297,7 @@ class ErrorKind:
         """
         return signal
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | str:
+    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
         """Return a source whose effect sums over samples tell and that stands for this one, or why there is none.
 
         What stands for a source is the same in every case for which there is something.

@@ -35,11 +35,11 @@ def figures(
         above: what each must exceed.
         least: what none may fall below.
     """
-    each: Any = Annotated[float, in_unit(unit, above=above, least=least)]
+    figure: Any = Annotated[float, in_unit(unit, above=above, least=least)]
 
     def read(path: str, raw: Any) -> np.ndarray:
-        of_axes = shape and not isinstance(raw, str)
-        values = np.array(read_value(path, raw, tuple[each, each, each] if of_axes else each))
+        is_vector = shape and not isinstance(raw, str)
+        values = np.array(read_value(path, raw, tuple[figure, figure, figure] if is_vector else figure))
         return np.full(shape, values * part_of(unit))
 
     scalar, vector = quantity_schema(unit), vector_schema(unit)

@@ -65,7 +65,7 @@ def sources_of(
     Raises:
         ExperimentError: a mistake in either.
     """
-    entries = [_entry(each, folder) for each in written]
+    entries = [_entry(table, folder) for table in written]
     sources = {entry.source.name: entry.source for entry in entries}
     _check_names([entry.source for entry in entries])
     links = [link_of(f"correlation[{k}]", link, sources) for k, link in enumerate(correlations)]

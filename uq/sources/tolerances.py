@@ -40,10 +40,10 @@ def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
 
 def uncertain_vector(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
     """Return the annotation of three quantities in ``unit``, one an axis, each as of :func:`uncertain`."""
-    each = Annotated[UncertainQuantity, uncertain(unit, above=above)]
+    component = Annotated[UncertainQuantity, uncertain(unit, above=above)]
 
     def read(path: str, raw: Any) -> tuple[UncertainQuantity, ...]:
-        return read_value(path, raw, tuple[each, each, each])
+        return read_value(path, raw, tuple[component, component, component])
 
     return written(read, {"type": "array", "items": _schema(unit), "minItems": 3, "maxItems": 3})
 
@@ -79,9 +79,9 @@ def _table(unit: str, above: float | int) -> Any:
             if len(stated) != 1:
                 raise WrongKeyError("", f"has {len(stated)} of {', '.join(STATED)}: give one")
             needed = {"coverage_factor": "expanded_uncertainty", "distribution": "tolerance"}
-            for key, of in needed.items():
-                if getattr(self, key) is not None and stated != [of]:
-                    raise WrongKeyError(key, "remove it", f"belongs to {of}")
+            for key, owner in needed.items():
+                if getattr(self, key) is not None and stated != [owner]:
+                    raise WrongKeyError(key, "remove it", f"belongs to {owner}")
             if self.coverage_factor is not None and self.coverage_factor <= 0:
                 raise WrongKeyError("coverage_factor", "write a number above zero")
 

@@ -41,8 +41,8 @@ def _shares(experiment: Experiment, folder: Path | None) -> dict[str, float]:
         content = json.loads((folder or Path()).joinpath("result.json").read_text("utf-8"))
         if folder is None or content["provenance"]["experiment_file"]["sha256"] != experiment.file["sha256"]:
             return {}
-        for of_trajectory in content["trajectories"].values():
-            for breakdown in of_trajectory.values():
+        for breakdowns in content["trajectories"].values():
+            for breakdown in breakdowns.values():
                 total = _widths(breakdown["groups"]["total"])
                 for name, alone in breakdown["sources"].items():
                     share = float(np.mean(_widths(alone) / total))

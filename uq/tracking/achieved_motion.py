@@ -106,13 +106,13 @@ def achieved(
     if covered < 0.98 * spec.duration:
         warnings.append(f"the run holds {covered:.4g} s of the plan's {spec.duration:g} s: the rest counts as rest")
     trajectories = {name: measured, "plan": spec} if name != "plan" else {name: measured, "the plan": spec}
-    of_plan = list(trajectories)[1]
+    plan_name = list(trajectories)[1]
     result = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), None, estimator_spec.name)
     breakdown = result[name, estimator_spec.name]
     return Achieved(
         trajectory=name, run=run.name, followed=followed,
         stillness=stillness_of(run, experiment, spec, measured, lag, estimator_spec.band),
-        planned_three_sigma=result[of_plan, estimator_spec.name].total.three_sigma,
+        planned_three_sigma=result[plan_name, estimator_spec.name].total.three_sigma,
         three_sigma=breakdown.total.three_sigma,
         sources={source: statistics.three_sigma for source, statistics in breakdown.sources.items()},
         estimator=estimator_spec.name, trace=_trace(run, spec, lag), warnings=(*warnings, *verdicts(followed)),

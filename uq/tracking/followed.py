@@ -70,8 +70,8 @@ def follow(run: Run, spec: TrajectorySpec) -> Followed:
                 offset[k], residual[k] = measured[inside, k].mean(), measured[inside, k].std()
                 continue
             solution = np.linalg.lstsq(columns, measured[inside, k], rcond=None)[0]
-            left = measured[inside, k] - columns @ solution
-            gain[k], offset[k], residual[k] = solution[0], solution[2], np.sqrt(np.mean(left**2))
+            residuals = measured[inside, k] - columns @ solution
+            gain[k], offset[k], residual[k] = solution[0], solution[2], np.sqrt(np.mean(residuals**2))
             if not gain[k] > 0:
                 raise _unlike(run)
             spread = residual[k] * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))

@@ -149,12 +149,12 @@ def _in_sums(
     reasons: dict[str, str] = {}
     for case in cases:
         acting = [source for source in sources if source.name in case.sources]
-        beside = [s.error_kind.in_sums(s, _beside(s, acting, mixing, run, largest)) for s in acting]
-        words = [answer for answer in (*beside, _noise_beyond_sums(acting, mixing)) if isinstance(answer, str)]
+        models = [s.error_kind.in_sums(s, _beside(s, acting, mixing, run, largest)) for s in acting]
+        words = [answer for answer in (*models, _noise_beyond_sums(acting, mixing)) if isinstance(answer, str)]
         if words:
             reasons[case.name] = words[0]
         else:
-            standing |= {s.name: answer for s, answer in zip(acting, beside, strict=True) if isinstance(answer, Source)}
+            standing |= {s.name: answer for s, answer in zip(acting, models, strict=True) if isinstance(answer, Source)}
     return standing, reasons
 
 

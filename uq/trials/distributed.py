@@ -155,9 +155,9 @@ def local_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[
     """Return the part of a segment that this process computed, and the number of its first trial."""
     if not several():
         return first, segment
-    each = len(jax.tree.leaves(segment)[0]) // len(devices)
+    per_device = len(jax.tree.leaves(segment)[0]) // len(devices)
     local = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
-    begin, end = each * local[0], each * (local[-1] + 1)
+    begin, end = per_device * local[0], per_device * (local[-1] + 1)
     return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], segment)
 
 

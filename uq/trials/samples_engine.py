@@ -166,13 +166,13 @@ def sensed(
     """
     measured = []
     for number, signal in enumerate(signals):
-        of_signal = [(s, acts) for s, acts in zip(engine.sources, acting, strict=True) if s.signal == number]
-        for source, acts in of_signal:
+        sources = [(s, acts) for s, acts in zip(engine.sources, acting, strict=True) if s.signal == number]
+        for source, acts in sources:
             if source.noise:
                 signal = signal + jnp.where(acts, draws[source.name], 0)
-        kinds = {source.error_kind for source, _ in of_signal if source.error_kind.stage is not None}
+        kinds = {source.error_kind for source, _ in sources if source.error_kind.stage is not None}
         for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.name)):
-            members, acting_members = zip(*((s, acts) for s, acts in of_signal if s.error_kind is kind), strict=True)
+            members, acting_members = zip(*((s, acts) for s, acts in sources if s.error_kind is kind), strict=True)
             signal = kind.sensed(signal, members, acting_members, draws)
         measured.append(signal)
     return SensorRecord(*measured)

@@ -107,8 +107,8 @@ class TrialLoop:
         return segment_of(self.devices, self.batch, asked, self.segment)
 
     def _begin(self, segment: int) -> Any:
-        numbers, placed = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
-        split = jax.make_array_from_callback(numbers.shape, placed, lambda share: numbers[share])
+        numbers, shards = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
+        split = jax.make_array_from_callback(numbers.shape, shards, lambda share: numbers[share])
         with guarded():
             return _sharded(
                 self.run, self.problem, self.key, split, mesh=self.mesh, batch=self.batch, gathered=several()
@@ -160,16 +160,16 @@ def trials_in(results: Any) -> int:
 
 def segment_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = SEGMENT) -> int:
     """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
-    whole = batch * max(1, least // batch)
-    return min(whole, -(-asked // len(devices))) * len(devices)
+    per_device = batch * max(1, least // batch)
+    return min(per_device, -(-asked // len(devices))) * len(devices)
 
 
 def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
     """Give every device of all processes what each process has computed for itself."""
     arrays, static = partition(tree)
-    placed = NamedSharding(mesh, PartitionSpec())
+    sharding = NamedSharding(mesh, PartitionSpec())
     arrays = jax.tree.map(np.asarray, arrays)
-    arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, placed, lambda share: x[share]), arrays)
+    arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, sharding, lambda share: x[share]), arrays)
     return combine(arrays, static)
 
 

@@ -70,8 +70,8 @@ class JointSearch:
         """
         repeats = int((duration - 2 * ramp) / period + 1e-9)
         if repeats < 1 or period * limits.bandwidth < 1:
-            least, room = 1 / limits.bandwidth, duration - 2 * ramp
-            shorter = f"state a period of {least:.3g} to {room:.3g} s, or " if least <= room else ""
+            least, longest = 1 / limits.bandwidth, duration - 2 * ramp
+            shorter = f"state a period of {least:.3g} to {longest:.3g} s, or " if least <= longest else ""
             raise ExperimentError(
                 f"no room for a period of {period:g} s in {duration:g} s with two ramps of {ramp:g} s, up to "
                 f"{limits.bandwidth:g} Hz: {shorter}measure for {max(period, least) + 2 * ramp:g} s or longer"
@@ -158,5 +158,5 @@ class JointSearch:
 
     def _of_run(self, peak: Peak) -> Peak:
         """A peak of the short motion at its instant of the whole run."""
-        late = peak.t > self.ramp + self.period
-        return peak._replace(t=peak.t + late * (self.repeats - 1) * self.period)
+        after_first_period = peak.t > self.ramp + self.period
+        return peak._replace(t=peak.t + after_first_period * (self.repeats - 1) * self.period)

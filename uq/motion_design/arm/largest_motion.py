@@ -22,7 +22,7 @@ LOOKS, SMALLER = 20, 0.95
 
 
 def largest_size(
-    limits: ArmLimits, of_size: Callable[[float], JointSeries], t: Float[np.ndarray, " t"]
+    limits: ArmLimits, motion_at: Callable[[float], JointSeries], t: Float[np.ndarray, " t"]
 ) -> tuple[float, list[Peak]]:
     """Return the largest size, 1 at most, at which a motion meets all limits and touches nothing; and its peaks.
 
@@ -30,23 +30,23 @@ def largest_size(
 
     Args:
         limits: to be met.
-        of_size: the motion at a size; at zero it rests at home.
+        motion_at: the motion at a size; at zero it rests at home.
         t: instants that are looked at [s].
 
     Raises:
         ExperimentError: no size does; the limit, the joint and the instant are named.
     """
-    size, worst = 1.0, str(peaks[0]) if (peaks := limits.peaks_of(of_size(1.0), t))[0].share > 1 else ""
-    met = lambda size: limits.peaks_of(of_size(size), t)[0].share <= 1  # noqa: E731
+    size, worst = 1.0, str(peaks[0]) if (peaks := limits.peaks_of(motion_at(1.0), t))[0].share > 1 else ""
+    met = lambda size: limits.peaks_of(motion_at(size), t)[0].share <= 1  # noqa: E731
     if worst:  # what keeps links apart at one size need not at a smaller one: sizes near the full one come first
         near = next((k for k, size in enumerate(NEAR) if met(size)), None)
         size = bisected(met, HALVINGS) if near is None else bisected(met, CLOSE, NEAR[near], (1.0, *NEAR)[near])
     for _ in range(LOOKS):
         if size == 0:
             break
-        touch = next(limits.clearance.touches(np.asarray(of_size(size).sampled(t[::2]).position)), None)
+        touch = next(limits.clearance.touches(np.asarray(motion_at(size).sampled(t[::2]).position)), None)
         if touch is None:
-            return size, limits.peaks_of(of_size(size), t)
+            return size, limits.peaks_of(motion_at(size), t)
         worst = f"{touch.first} is too near to {touch.second} at {t[2 * touch.instant]:.3f} s"
         size *= SMALLER
     raise ExperimentError(f"no size of the motion meets its limits: {worst}")
@@ -60,8 +60,8 @@ def enlarged(limits: ArmLimits, states: JointStates) -> Float[np.ndarray, " n"]:
     """
     arm = limits.arm
     departure = states.position - arm.home[None]
-    room = np.stack([arm.position[:, 1] - arm.home, arm.home - arm.position[:, 0]]).min(axis=0)
-    used = np.abs(departure).max(axis=0) / np.maximum(room, 1e-6)
+    half_range = np.stack([arm.position[:, 1] - arm.home, arm.home - arm.position[:, 0]]).min(axis=0)
+    used = np.abs(departure).max(axis=0) / np.maximum(half_range, 1e-6)
     for values, most in ((states.speed, arm.speed), (states.acceleration, arm.acceleration)):
         used = np.maximum(used, np.abs(values).max(axis=0) / most)
     full, sizes = 1 / np.maximum(used, 1e-12), np.zeros(arm.count)

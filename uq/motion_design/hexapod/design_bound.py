@@ -57,8 +57,8 @@ def design_bound(
         The bound; None where stroke and speed of a leg are free, or the load cell has no white noise.
     """
     if squares is None:
-        each = zip(largest_accelerations(experiment, limits), limits.speed, strict=True)
-        squares = np.array([largest_mean_square(*leg, limits.bandwidth) for leg in each])
+        leg_limits = zip(largest_accelerations(experiment, limits), limits.speed, strict=True)
+        squares = np.array([largest_mean_square(*leg, limits.bandwidth) for leg in leg_limits])
     noise = np.asarray(Prediction.of(experiment, spec).moment_noise)
     if np.linalg.eigvalsh(noise)[0] <= 0 or not np.isfinite(squares).all():
         return None
@@ -74,8 +74,8 @@ def design_bound(
 
 def largest_accelerations(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:
     """Return the largest acceleration of each leg [m/s²] that its limits and the command's bandwidth allow."""
-    each = zip(limits.acceleration, limits.speed, largest_strokes(experiment, limits), strict=True)
-    return np.array([largest_amplitude(*leg, limits.bandwidth) for leg in each])
+    leg_limits = zip(limits.acceleration, limits.speed, largest_strokes(experiment, limits), strict=True)
+    return np.array([largest_amplitude(*leg, limits.bandwidth) for leg in leg_limits])
 
 
 def largest_strokes(experiment: Experiment, limits: Limits) -> Float[np.ndarray, "6"]:

@@ -153,8 +153,8 @@ def design_report(
     tell = progress_of(progress, "steps") or (lambda *_: None)
     experiment = design.experiment
     files = designed_files(experiment, design.spec, design.band)
-    beside = {name: experiment.trajectories[name] for name in BESIDE if name in experiment.trajectories}
-    specs = {NAME: design.spec, "reference": design.reference, **beside}
+    compared = {name: experiment.trajectories[name] for name in BESIDE if name in experiment.trajectories}
+    specs = {NAME: design.spec, "reference": design.reference, **compared}
     bands = {name: design.band if name == NAME else spec.trajectory.highest_frequency for name, spec in specs.items()}
     laws = {}
     for number, (name, spec) in enumerate(specs.items()):

@@ -47,13 +47,13 @@ def searches(
     search = partial(Search, experiment=experiment, reference=reference, limits=limits, measure=measure)
     patterns = patterns_for(experiment, reference, limits, measure)
     stages = staged(experiment, limits, patterns, GRID, duration, RAMP / band)
-    room = np.diff(stages.border).min() >= 4 * stages.periodic.period
-    if room:
+    holds_stages = np.diff(stages.border).min() >= 4 * stages.periodic.period
+    if holds_stages:
         yield search(stages=stages), {0: patterned(stages, patterns, generators[0])}
-    if starts > 1 or not room:
+    if starts > 1 or not holds_stages:
         periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
         whole_run = Stages.of(periodic, np.ones(1), duration, RAMP / band)
-        numbers = range(1 if room else 0, starts)
+        numbers = range(1 if holds_stages else 0, starts)
         first = {number: start(periodic, experiment.r_cg_from_omb, generators[number], number) for number in numbers}
         yield search(stages=whole_run), first
 
@@ -85,9 +85,9 @@ class Search:
     def finish(self, optimum: Optimum, fine: float, tell: Progress) -> PredictedTrajectory | None:
         """Return the whole run, of the largest size that meets the limits on a finer grid; None: no size."""
         short = lambda size: self._spec(size * optimum.unknowns, short=True)  # noqa: E731
-        whole = lambda size: self._spec(size * optimum.unknowns)  # noqa: E731
+        full = lambda size: self._spec(size * optimum.unknowns)  # noqa: E731
         size = largest_size(self.experiment, short, self.limits, fine)
-        spec = reduced(self.experiment, whole, size, self.limits, fine, tell=tell)
+        spec = reduced(self.experiment, full, size, self.limits, fine, tell=tell)
         return None if spec is None else PredictedTrajectory.of(self.experiment, spec, self.limits.bandwidth)
 
     def _spec(self, unknowns: np.ndarray, short: bool = False) -> TrajectorySpec:

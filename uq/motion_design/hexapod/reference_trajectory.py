@@ -98,9 +98,9 @@ def best_reference(
     for speed in [1.0, *np.geomspace(min(1.0, top) * 0.8, max(1.0, top), SPEEDS)]:
         faster = scaled(spec, 1 / speed**2, speed)
         if faster.trajectory.highest_frequency <= band:
-            of_size = partial(scaled, faster)
-            size = largest_size(experiment, of_size, limits, COARSE * band)
-            candidates.append(PredictedTrajectory.of(experiment, of_size(size), band))
+            spec_at = partial(scaled, faster)
+            size = largest_size(experiment, spec_at, limits, COARSE * band)
+            candidates.append(PredictedTrajectory.of(experiment, spec_at(size), band))
     if not candidates:
         raise ExperimentError("the reference trajectory is faster than platform.limits.bandwidth: choose another")
     best = min(candidates, key=lambda candidate: candidate.measured_by(measure))

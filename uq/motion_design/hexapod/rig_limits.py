@@ -92,18 +92,18 @@ def uses(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: flo
     return peaks(efforts(experiment, spec, rate), limits, jnp.asarray(instants(spec, rate)))
 
 
-def largest_size(experiment: Experiment, of_size: OfSize, limits: Limits, rate: float) -> float:
+def largest_size(experiment: Experiment, spec_at: OfSize, limits: Limits, rate: float) -> float:
     """Return the largest size, from 0 to 2, at which a trajectory meets the limits.
 
     Args:
         experiment: with platform and body.
-        of_size: the trajectory at a size.
+        spec_at: the trajectory at a size.
         limits: to be met.
         rate: of the instants that are looked at [Hz].
     """
 
     def met(size: float) -> bool:
-        return largest_use(experiment, of_size(size), limits, rate) <= 1 + FROM_LIMIT
+        return largest_use(experiment, spec_at(size), limits, rate) <= 1 + FROM_LIMIT
 
     low, high = (1.0, 1.2) if met(1.0) else (0.8, 1.0)
     if not met(low):
@@ -115,7 +115,7 @@ def largest_size(experiment: Experiment, of_size: OfSize, limits: Limits, rate: 
 
 def reduced(
     experiment: Experiment,
-    of_size: OfSize,
+    spec_at: OfSize,
     size: float,
     limits: Limits,
     rate: float,
@@ -127,7 +127,7 @@ def reduced(
 
     Args:
         experiment: with platform and body.
-        of_size: the trajectory at a size.
+        spec_at: the trajectory at a size.
         size: to begin with.
         limits: to be met.
         rate: of the instants that are looked at [Hz].
@@ -136,7 +136,7 @@ def reduced(
     """
     for number in range(LOOKS):
         tell("limits", number, LOOKS)
-        spec = of_size(size)
+        spec = spec_at(size)
         use = largest_use(experiment, spec, limits, rate)
         if use <= met:
             tell("limits", LOOKS, LOOKS)

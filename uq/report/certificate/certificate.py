@@ -55,8 +55,8 @@ class Certificate(Result):
         effects = self.identification.not_included
         if effects is None:
             return "What undeclared errors would add to U is not known."
-        beside = largest_beside(effects, self.identification.parameters.standard_uncertainty)
-        return f"U leaves out undeclared errors, typically {beside}."
+        largest = largest_beside(effects, self.identification.parameters.standard_uncertainty)
+        return f"U leaves out undeclared errors, typically {largest}."
 
     @cached_property
     def decisions(self) -> list[Decision]:
@@ -143,17 +143,17 @@ class Certificate(Result):
     def verdict(self) -> str:
         """Return what U leaves out, the statement of conformity, if one is asked for, and whether checks are passed."""
         rule, outcomes = self.report.conformity, {decision.component: decision.outcome for decision in self.decisions}
-        said = [self.left_out] if self.left_out else []
+        texts = [self.left_out] if self.left_out else []
         if rule is not None and set(outcomes.values()) == {"conforms"}:
-            said.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
+            texts.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
-            said.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
+            texts.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
         failed = sum(row[-1] != checks.WITHIN for row in self.checks)
         if not failed:
-            said.append("Every check is passed.")
+            texts.append("Every check is passed.")
         elif failed > bool(self.left_out):
-            said.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
-        return " ".join(said)
+            texts.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
+        return " ".join(texts)
 
     def findings(self) -> list[str]:
         """Return what a reader must not miss: what U leaves out, warnings, checks beyond their limit, conformity."""

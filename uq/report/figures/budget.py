@@ -80,13 +80,13 @@ def _split(axes: Axes, b: SourceBudget) -> None:
 
 def _tensor(axes: Axes, b: SourceBudget) -> None:
     """The whole tensor: each source's Shapley share as a bar between its first order and its total."""
-    e, of_tensor = b.sources, 100 * b.sources.shapley.generalised
+    e, tensor_shares = b.sources, 100 * b.sources.shapley.generalised
     shapley = 100 * np.column_stack([e.shapley.value, e.shapley.generalised])
     parts, (shown, _) = coloured_parts(e.players, shapley), largest(e.players, shapley.max(axis=1).tolist())
     for k, (_, colour, shares_of) in enumerate(parts):
         axes.barh(k, shares_of[-1], 0.62, color=colour, edgecolor="white", linewidth=0.3)
     y = np.arange(len(shown))
-    values, errors = of_tensor[shown], 100 * e.shapley.generalised_standard_error[shown]
+    values, errors = tensor_shares[shown], 100 * e.shapley.generalised_standard_error[shown]
     axes.errorbar(
         values,
         y,

@@ -30,7 +30,7 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
         curves = {goal: GRAM_METRE * average(variances.transpose(1, 0, 2), goal) for goal in goals}
         totals = {goal: GRAM_METRE * average(variances.sum(axis=1), goal) for goal in goals}
         bottom = 2e-3 * max(total.max() for total in totals.values())
-        shown = [k for k in range(len(growth.names)) if max(of_goal[k].max() for of_goal in curves.values()) > bottom]
+        shown = [k for k in range(len(growth.names)) if max(curve[k].max() for curve in curves.values()) > bottom]
         for panel, goal in zip(panels, goals, strict=True):
             panel.plot(t, totals[goal], color="black", linewidth=1.6, label="total")
             for place, k in enumerate(shown):

@@ -67,11 +67,11 @@ def findings(result: BudgetResult) -> list[str]:
 def drawings(result: BudgetResult) -> list[Drawing]:
     """Return the whole tensor of every pair, then each budget by component."""
     budgets = {pair: result[pair] for pair in result.pairs()}
-    each = "Shapley shares by component and of the tensor, and bias and dispersion in the mean square."
+    caption = "Shapley shares by component and of the tensor, and bias and dispersion in the mean square."
     return [
         drawing("budget", OVERVIEW, "budget.overview", budgets),
         *(
-            drawing(stem("budget", *pair), f"{', '.join(pair)}: {each}", "budget.shares", budget)
+            drawing(stem("budget", *pair), f"{', '.join(pair)}: {caption}", "budget.shares", budget)
             for pair, budget in budgets.items()
         ),
     ]

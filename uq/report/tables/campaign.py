@@ -81,7 +81,7 @@ def verdict(result: MonteCarloResult) -> str:
 
 def computed(result: MonteCarloResult) -> str:
     """Return what was computed, in a paragraph."""
-    names = {estimator: None for of_trajectory in result.breakdowns.values() for estimator in of_trajectory}
+    names = {estimator: None for breakdowns in result.breakdowns.values() for estimator in breakdowns}
     by_samples = [
         f" {name}, {case} by samples: {reason}."
         for name, choice in result.provenance.get("computed", {}).items()
@@ -133,7 +133,7 @@ def _tolerances(result: MonteCarloResult) -> list[Table]:
     cases = [
         ((trajectory, estimator), [[name, *(significant(GRAM_METRE * x, 2) for x in getattr(reached, name))]
                                    for name in ("tolerance", "reached")])
-        for trajectory, of_trajectory in result.stability.items() for estimator, reached in of_trajectory.items()
+        for trajectory, estimators in result.stability.items() for estimator, reached in estimators.items()
     ]  # fmt: skip
     return [case_table("Adaptive Monte Carlo, g·m²", PAIR, cases, unit="", note=TOLERANCE_NOTE)]
 

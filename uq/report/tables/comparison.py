@@ -85,9 +85,9 @@ def _declared_otherwise(result: Comparison) -> list[str]:
     for k, name, value, u, expected, u_expected in result.known_to_both():
         unit, scale = ("kg", 1.0) if k == 0 else ("mm", 1e3)
         if u == 0 and abs(value - expected) > USUAL * u_expected:
-            said = f"{exact([scale * value])[0]} {unit}, declared without an uncertainty"
+            ours = f"{exact([scale * value])[0]} {unit}, declared without an uncertainty"
             theirs = with_uncertainty(scale * expected, scale * u_expected)
-            lines.append(f"{name} is {said} (no E_n); {result.reference.name} has {theirs} {unit}")
+            lines.append(f"{name} is {ours} (no E_n); {result.reference.name} has {theirs} {unit}")
     return lines
 
 

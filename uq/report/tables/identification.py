@@ -182,10 +182,10 @@ def largest_not_included(errors: NotIncluded, interval95: np.ndarray, centre: np
     row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
     effect, (name, unit, factor) = errors.effects[row], QUANTITIES[at]
     than = next((words for part, words in PARTS if ratio[row, at] > part), None)
-    beside = "" if than is None else f", {than} {two_digits(factor * half[at])} {unit}"
+    comparison = "" if than is None else f", {than} {two_digits(factor * half[at])} {unit}"
     return (
         f"not included: {effect.text}, at a typical {effect.figure}, which would add "
-        f"{two_digits(factor * added[row, at])} {unit} to {name}{beside}; see the certificate"
+        f"{two_digits(factor * added[row, at])} {unit} to {name}{comparison}; see the certificate"
     )
 
 

@@ -24,8 +24,8 @@ def tables(result: LawValidation) -> list[Table]:
     """Return the comparison, then how many of the laws' intervals hold: of all cases and components."""
     rows = []
     for pair in dict.fromkeys((v.trajectory, v.estimator) for v in result.verdicts):
-        of_pair = [v for v in result.verdicts if (v.trajectory, v.estimator) == pair]
-        rows.append([*pair, _counts([v.law for v in of_pair]), _counts([v.textbook for v in of_pair])])
+        verdicts = [v for v in result.verdicts if (v.trajectory, v.estimator) == pair]
+        rows.append([*pair, _counts([v.law for v in verdicts]), _counts([v.textbook for v in verdicts])])
     question = f"Do the laws' {100 * result.probability:g} % intervals hold? (JCGM 101, clause 8)"
     return [*beside(result.law, result.monte_carlo), Table(question, [*PAIR, "law", "textbook's law"], rows, NOTE)]
 
@@ -65,9 +65,9 @@ def _by_case(result: LawValidation) -> Table:
     return Table("The laws' intervals, case by case", head, rows, wrap=True)
 
 
-def _counts(of_verdicts: Sequence[Verdict]) -> str:
-    words = [word for verdict in of_verdicts for word in words_of(verdict)]
-    counts = {word: words.count(said) for said, word in (("holds", "hold"), ("rejected", "rejected"), ("open", "open"))}
+def _counts(verdicts: Sequence[Verdict]) -> str:
+    words = [word for verdict in verdicts for word in words_of(verdict)]
+    counts = {word: words.count(key) for key, word in (("holds", "hold"), ("rejected", "rejected"), ("open", "open"))}
     return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
 
 

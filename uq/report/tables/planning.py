@@ -67,8 +67,8 @@ def duration_drawing(durations: Sequence[Duration]) -> Drawing:
 
 def section(plan: MeasurementPlan) -> Section:
     """Return its part of a report."""
-    now, best, *of_durations = title(plan).splitlines()
-    pairs = list(zip(of_durations, plan.durations, strict=True))
+    now, best, *duration_lines = title(plan).splitlines()
+    pairs = list(zip(duration_lines, plan.durations, strict=True))
     reachable, forbidden = ([text for text, d in pairs if d.reachable is reached] for reached in (True, False))
     (by_component,) = plan.sensors.tables()
     by_component = replace(by_component, caption="Each source halved, by component", note=DERIVATIVE_NOTE)

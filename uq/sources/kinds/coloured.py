@@ -100,8 +100,8 @@ class Coloured(ErrorKind):
 def _white(stream: Key[Array, ""], block: Index, number: int, dtype: Any) -> Float[Array, "3 1200"]:
     """Standard normal samples, block by block as all draws."""
     stream, columns = jax.random.fold_in(stream, number), jax.lax.iota(jnp.uint32, BLOCK // 2)
-    of_axis = lambda row: normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + columns, dtype)  # noqa: E731
-    pairs = drawn_in_turn(of_axis, 3)
+    axis_pairs = lambda row: normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + columns, dtype)  # noqa: E731
+    pairs = drawn_in_turn(axis_pairs, 3)
     return jnp.concatenate([pairs.real, pairs.imag], axis=1)
 
 
@@ -127,8 +127,8 @@ def _processes() -> tuple[np.ndarray, np.ndarray]:
     """
     rates = np.exp(np.arange(math.log(4), math.log(0.2 / LONGEST), -0.7))
     lags = np.unique(np.round(np.concatenate([np.arange(1.0, 200), np.geomspace(200, LONGEST, 1500)])))
-    each = np.exp(-np.outer(lags - 1, rates)) / pink_response(lags)[:, None]
-    return np.exp(-rates), np.linalg.lstsq(each, np.ones(len(lags)), rcond=None)[0]
+    regressors = np.exp(-np.outer(lags - 1, rates)) / pink_response(lags)[:, None]
+    return np.exp(-rates), np.linalg.lstsq(regressors, np.ones(len(lags)), rcond=None)[0]
 
 
 DECAYS, WEIGHTS = _processes()

@@ -15,7 +15,7 @@ from uq.sources.source_figures import part_of
 
 WRENCH_UNITS = ("N", "N", "N", "N*m", "N*m", "N*m")
 RELATIVE = {("N", "N"): "%", ("N*m", "N*m"): "%", ("N", "N*m"): "N/(N*m)", ("N*m", "N"): "N*m/N"}
-UNITS = [[RELATIVE[channel, of] for of in WRENCH_UNITS] for channel in WRENCH_UNITS]
+UNITS = [[RELATIVE[channel, component] for component in WRENCH_UNITS] for channel in WRENCH_UNITS]
 """Unit of cross-talk, of a channel from a component."""
 
 

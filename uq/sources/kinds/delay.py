@@ -22,6 +22,6 @@ class Delay(ErrorKind):
     in_sums_as = "a polynomial in the delay"
     perturbs = {"omega": "gyro_delay"}
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | str:
+    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
         """Return the source where the polynomial is good enough."""
-        return source if beside.remainder <= LARGEST_REMAINDER else f"{source.name} is too long for a polynomial"
+        return source if conditions.remainder <= LARGEST_REMAINDER else f"{source.name} is too long for a polynomial"

@@ -44,15 +44,15 @@ class Quantisation(ErrorKind):
         steps = [source.settings["step"] for source in sources]
         return quantised(signal, strictest(steps, acting, jnp.maximum, jnp.zeros((3, 1), signal.dtype)))
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | str:
+    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
         """Return white noise of variance step²/12, where the signal's own noise is large enough (Widrow & Kollár).
 
         Rectangular of each sample; normal here, since sums over many samples do not tell the difference.
         """
         step = np.asarray(source.settings["step"])
-        if beside.same_kind:
+        if conditions.same_kind:
             return f"{source.name} is one of several resolutions of a signal"
-        if np.any(STEPS_OF_NOISE * step > beside.white):
+        if np.any(STEPS_OF_NOISE * step > conditions.white):
             return f"{source.name} is coarse against the noise beside it"
         sigma = np.sqrt(self.white_variance(source, 1.0))
         return replace(source, kind="precision", sigma=sigma, shape=Normal(0.0, 1.0), settings={})

@@ -38,9 +38,9 @@ class Saturation(ErrorKind):
         limit = strictest(limits, acting, jnp.minimum, jnp.full((3, 1), jnp.inf, signal.dtype))
         return jnp.clip(signal, -limit, limit)
 
-    def in_sums(self, source: Source, beside: Beside) -> Source | str:
+    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
         """Return the source, which sums do not feel, where the signal stays well within its range."""
-        near = np.any(beside.reach > np.asarray(source.settings["limit"]))
+        near = np.any(conditions.reach > np.asarray(source.settings["limit"]))
         return f"{source.name} is within reach of the signal" if near else source
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
