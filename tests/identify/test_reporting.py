@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import inspect
 import pkgutil
 import subprocess
 import sys
@@ -137,7 +138,7 @@ def results():
 
 
 def test_no_result_shows_itself_in_a_way_of_its_own():
-    kinds = results()
+    kinds = [kind for kind in results() if not inspect.isabstract(kind)]
     assert len(kinds) >= 20
     for kind in kinds:
         assert dataclasses.is_dataclass(kind)

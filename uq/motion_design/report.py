@@ -1,5 +1,6 @@
 """Files and result.json of a designed motion's report, for a platform and for an arm."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +10,7 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
 
 
-class MotionReport(Result):
+class MotionReport(Result, ABC):
     """The report of a designed motion; a subclass states its warnings and its numbers."""
 
     goal: str
@@ -19,13 +20,13 @@ class MotionReport(Result):
     name: str = "design"
 
     @property
+    @abstractmethod
     def warnings(self) -> list[str]:
         """Warnings that a reader must not miss."""
-        raise NotImplementedError
 
+    @abstractmethod
     def content(self) -> dict[str, Any]:
         """Return what result.json says of this design alone."""
-        raise NotImplementedError
 
     def files(self) -> dict[str, bytes]:
         """Return the files' bytes by name."""

@@ -277,7 +277,7 @@ def test_a_command_starts_without_what_few_of_its_calls_use(command, unused):
 @pytest.mark.parametrize(
     ("room", "slow"),
     [
-        *((room, "ndimage|signal|stats") for room in ("identify", "uq/recorded", "uq/identification", "uq/inspection")),
+        *((room, "ndimage|signal|stats") for room in ("identify", "uq/recorded", "uq/identification")),
         ("identify/judge", "interpolate|optimize|spatial"),
         ("uq/identification", "interpolate|optimize|spatial"),
     ],
