@@ -258,7 +258,8 @@ def declared_of(
         alignment = replace(alignment, delay=0.0, sigma_delay=0.0, rotation=(0.0, 0.0, 0.0), sigma_rotation=0.0)
     else:
         errors = beside_alignment(errors)
-    mass = result.mass or float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity or 1.0
+    weighed = float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity if problem.gravity > 0 else 0.0
+    mass = result.mass or weighed or 1.0  # which the moment about r_CG does not ask for
     mass_variance, cg_covariance = (problem.mass_uncertainty or 0.0) ** 2, np.diag(problem.sigma_r_cg**2)
     flat = ["inertia", "force_offset", "moment_offset"]
     if problem.centre is not None:
