@@ -54,7 +54,7 @@ def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transf
         root = prior.root[SLICES[name]]
         acting = root.any(axis=0)
         if acting.any():
-            transformed.append((acting, transform(counted(prediction.of(name) @ root[:, acting]))))
+            transformed.append((acting, transform(counted(prediction.derivative(name) @ root[:, acting]))))
     residuals = transform(counted(prediction.residuals[:, :, None]))[:, :, 0]
     columns = np.zeros((*residuals.shape, len(z)))
     for acting, block in transformed:

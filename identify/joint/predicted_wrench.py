@@ -137,7 +137,7 @@ class PredictedWrench:
         force = x["mass"] * specific
         return np.concatenate([force, spin + cross_matrix(x["r_cg"]) @ force], axis=1)
 
-    def of(self, name: str) -> Columns:
+    def derivative(self, name: str) -> Columns:
         """Return the derivative of what is predicted by one unknown: wrench, offsets, and the load cell's errors."""
         if name in ("force_offset", "moment_offset", "force_drift", "moment_drift"):
             rows = np.zeros((len(self.signals.t), 6, 3))

@@ -45,7 +45,7 @@ Made = tuple[np.ndarray, np.ndarray]
 
 def _unknown(*parts: tuple[str, float]) -> Callable[[PredictedWrench], Made]:
     def make(run: PredictedWrench) -> Made:
-        columns = [run.of(unknown) for unknown, _ in parts]
+        columns = [run.derivative(unknown) for unknown, _ in parts]
         sizes = [np.full(block.shape[2], size) for block, (_, size) in zip(columns, parts, strict=True)]
         return np.concatenate(columns, axis=2), np.concatenate(sizes)
 
@@ -58,7 +58,7 @@ def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[Predict
     def make(run: PredictedWrench) -> Made:
         size = _largest(np.sqrt((run.wrench**2).mean(axis=0)))
         chosen = [(i, j) for i in range(6) for j in range(6) if where(i, j)]
-        columns = run.of("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
+        columns = run.derivative("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
         return columns, np.array([part * size[i] / size[j] if size[j] > 0 else 0.0 for i, j in chosen])
 
     return make
@@ -109,7 +109,7 @@ def _flexible(run: PredictedWrench) -> np.ndarray:
 
 
 def _moving(run: PredictedWrench) -> np.ndarray:
-    return run.of("inertia") * run.signals.progress[:, None, None]
+    return run.derivative("inertia") * run.signals.progress[:, None, None]
 
 
 def _gain_drift(run: PredictedWrench) -> np.ndarray:
@@ -165,7 +165,7 @@ def _gyro_g(run: PredictedWrench) -> Made:
 
 
 def _clock(run: PredictedWrench) -> Made:
-    return run.of("delay") * run.signals.progress[:, None, None], np.array([0.02])
+    return run.derivative("delay") * run.signals.progress[:, None, None], np.array([0.02])
 
 
 STEPS = (-0.25, 0.0, 0.25)
@@ -182,12 +182,12 @@ def _jump(run: PredictedWrench) -> np.ndarray:
 def _slip(run: PredictedWrench) -> Made:
     """A body that slips after a quarter, a half or three quarters of the run."""
     after = np.stack([run.signals.progress > at for at in STEPS], axis=1).astype(float)
-    columns = np.einsum("nip,nk->nipk", run.of("r_cg"), after).reshape(len(after), 6, -1)
+    columns = np.einsum("nip,nk->nipk", run.derivative("r_cg"), after).reshape(len(after), 6, -1)
     return columns, np.full(columns.shape[2], 1e-3)
 
 
 def _mass(run: PredictedWrench) -> Made:
-    return run.of("mass"), 0.02 * np.abs(run.x["mass"])
+    return run.derivative("mass"), 0.02 * np.abs(run.x["mass"])
 
 
 UNKNOWNS = {

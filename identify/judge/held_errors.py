@@ -53,7 +53,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
 
 
 def _held(run: PredictedWrench) -> dict[str, Columns]:
-    columns = {name: run.of(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
+    columns = {name: run.derivative(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
     if run.force_from == "accelerometer":
         columns[ACCELEROMETER_SCALE] = accelerometer_scale(run)
     return columns

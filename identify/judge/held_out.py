@@ -182,7 +182,7 @@ def _predicted(
     fit = fit_run(run, rows, declared, {})
     fit = replace(fit, lines=replace(fit.lines, whitener=np.eye(len(fit.lines.whitener))))
     at = fit.prediction
-    ten = fit.transformed(np.concatenate([at.of(name) for name in TEN], axis=2))
+    ten = fit.transformed(np.concatenate([at.derivative(name) for name in TEN], axis=2))
     local = linearised(at.model, fit.prior, fit.z, fit.lines).columns
     y = fit.transformed(at.residuals[:, :, None])[:, :, 0] + local @ fit.z
     covariance = _covariance(estimate, problem)
@@ -211,7 +211,7 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
         rows = at.regressor - at.regressor.mean(axis=0) * (estimate.offsets == "estimate")
         normal += run.weight * products(rows, rows)
         for (name,) in error_blocks(problem.errors):
-            moment = about_centre(at.of(name), at.x["r_cg"])
+            moment = about_centre(at.derivative(name), at.x["r_cg"])
             right[name] = right.get(name, 0.0) + run.weight * products(rows, moment)
     return {name: np.linalg.solve(normal, side) for name, side in right.items()}
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.compiled_program import CompiledProgram
+from identify.exceptions import RunError
 from identify.motion.attitude import attitude
 from identify.motion.window import Scalar, window
 from identify.pytree import Pytree, static_field
@@ -45,14 +46,14 @@ class Trajectory(Pytree):
         """Return the motion with ``size`` times its angles and displacement, ``speed`` times as fast.
 
         Raises:
-            NotImplementedError: it has no amplitude.
+            RunError: it has no amplitude.
         """
-        raise NotImplementedError(f"a {type(self).__name__} has no amplitude")
+        raise RunError(f"a {type(self).__name__.lower()} has no amplitude: rehearse it at a lower speed")
 
     @property
     def highest_frequency(self) -> float:
-        """Highest frequency of the motion [Hz], apart from its ramps."""
-        raise NotImplementedError(f"a {type(self).__name__} has no highest frequency")
+        """Highest frequency of the motion [Hz], apart from its ramps; RunError: it states none."""
+        raise RunError(f"a {type(self).__name__.lower()} states no highest frequency: choose another trajectory")
 
 
 class SourceTrajectory(Trajectory):

@@ -61,7 +61,7 @@ def test_the_columns_are_its_derivatives(prediction):
     model = prediction.model
     slopes = -np.asarray(jax.jacfwd(lambda theta: joint_oracle.residuals(model, theta))(jnp.asarray(prediction.theta)))
     for unknown, where in SLICES.items():
-        columns = prediction.counted(prediction.of(unknown))
+        columns = prediction.counted(prediction.derivative(unknown))
         expected = slopes[model.used][:, :, where]
         integrated = unknown in ("gyro_scale", "gyro_bias", "gyro_drift", "wander") and model.specific_force == "still"
         within = (2e-5 if integrated else 1e-9) * max(np.abs(expected).max(), 1e-3)

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.spatial.transform import Rotation
 
+from identify.exceptions import RunError
 from identify.motion.attitude import attitude
-from identify.motion.trajectory import sample
+from identify.motion.trajectory import Trajectory, sample
 from identify.motion.window import step
 from identify.rigid_body.dynamics import acceleration_at
 from identify.rigid_body.rotation import exponential
@@ -110,3 +111,16 @@ def test_gravity_turns_with_the_body_and_the_still_point_does_not_accelerate(pre
     acceleration = (position[2:] - 2 * position[1:-1] + position[:-2]) / h**2
     specific = np.einsum("nji,nj->ni", still_omb.rotation[1:-1], acceleration + [0, 0, 9.81])
     np.testing.assert_allclose(still_omb.specific_force_cg[:, 1:-1].T, specific, atol=1e-3)
+
+
+def test_a_trajectory_of_ones_own_has_no_amplitude_and_says_what_to_do():
+    """It needs nothing but its angular velocity; size and band are asked of it only by a rehearsal or a design."""
+
+    class Rest(Trajectory):
+        def omega(self, t):
+            return jnp.zeros(3)
+
+    with pytest.raises(RunError, match="a rest has no amplitude: rehearse it at a lower speed"):
+        Rest().scaled(0.5)
+    with pytest.raises(RunError, match="a rest states no highest frequency: choose another trajectory"):
+        _ = Rest().highest_frequency
