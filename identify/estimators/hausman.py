@@ -1,8 +1,10 @@
-"""Test of an estimate with weights against others that the same errors would move otherwise.
+"""Hausman's test: do two estimates from the same runs differ by more than their common errors allow?
 
-Where the errors are what the weights take them for, two estimates from one run differ by no more than the covariance
-of their difference allows; a moment that the model lacks moves them apart (Hausman 1978, doi:10.2307/1913827). Weights
-are compared with ordinary least squares, and with the same weights and unknowns for what follows the motion.
+Where the errors are what both estimates take them for, they differ by no more than the covariance of their difference;
+a moment that the model lacks moves them apart (Hausman 1978, doi:10.2307/1913827). Here weights are compared with
+ordinary least squares, and with the same weights and unknowns for what follows the motion: they decide which estimate
+is the answer. :mod:`identify.judge.specification` compares ordinary least squares with the joint fit of force and
+moment, where no cause was named.
 """
 
 from collections.abc import Sequence
@@ -15,34 +17,47 @@ import scipy
 from identify.estimators.generalised_least_squares import Weighed
 from identify.estimators.pooling import Pooled
 from identify.estimators.type_a import PROBABILITY
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 
 CHANCE = 3e-3
-"""Probability of a difference as large by chance, from which on it counts."""
+"""Probability of a difference as large by chance, below which weights are not trusted.
+
+Chance: of one comparison. A false alarm costs no more than the narrower interval.
+"""
 SMALL = 0.2
-"""Difference over the standard uncertainty that is no news."""
+"""Difference over the standard uncertainty that counts as expected.
+
+Price: at most 2 % of the standard uncertainty, ``hypot(1, 0.2)``.
+"""
 
 
 class EstimateDifference(NamedTuple):
-    """Difference of another estimate from the weighted one."""
+    """Difference of another estimate from the one that is judged."""
 
     value: np.ndarray
-    """Difference of the other estimate from the weighted one, (6,) [kg·m²]."""
+    """Other estimate less the one that is judged, (6,) [kg·m²]."""
     covariance: np.ndarray
     """Expected covariance of ``value``, (6, 6) [(kg·m²)²]."""
-    half_width: np.ndarray
+    freedom: float = np.inf
+    """Degrees of freedom that ``covariance`` is from."""
+    half_width: np.ndarray = np.zeros(6)
     """Half-width of the other estimate's interval of 95 %, from noise and r_CG, (6,) [kg·m²]."""
-    chance: float
-    """Probability of a difference at least as large by chance."""
 
     @property
-    def clear(self) -> bool:
-        """Whether the difference is larger than chance explains."""
-        return self.chance < CHANCE
+    def chance(self) -> float:
+        """Probability of a difference at least as large by chance: Hotelling's T², which tends to chi-square."""
+        count, square = len(self.value), float(self.value @ np.linalg.solve(self.covariance, self.value))
+        if np.isinf(self.freedom):
+            return float(scipy.special.chdtrc(count, square))
+        rest = self.freedom - count + 1
+        return float(scipy.special.fdtrc(count, rest, square * rest / (self.freedom * count)))
 
     @property
-    def largest(self) -> int:
-        """The component that differs most for what is expected."""
-        return int(np.argmax(np.abs(self.value) / np.sqrt(np.diag(self.covariance))))
+    def largest(self) -> tuple[str, float, float]:
+        """Name of the component that differs most for what is expected, its difference, what is expected [g·m²]."""
+        spread = np.sqrt(np.diag(self.covariance))
+        k = int(np.argmax(np.abs(self.value) / spread))
+        return COMPONENTS[k], float(GRAM_METRE * self.value[k]), float(GRAM_METRE * spread[k])
 
 
 def differences(
@@ -96,12 +111,8 @@ def _difference(
     no_news = SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
     expected = covariance(apart, apart_by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
-    square = value @ np.linalg.solve(expected, value) * (freedom - len(value) + 1) / (freedom * len(value))
     factor = scipy.special.stdtrit(freedom, PROBABILITY)
-    return EstimateDifference(
-        value, expected, factor * np.sqrt(np.diag(covariance(alone, by_centre))),
-        float(scipy.special.fdtrc(len(value), freedom - len(value) + 1, square)),
-    )  # fmt: skip
+    return EstimateDifference(value, expected, freedom, factor * np.sqrt(np.diag(covariance(alone, by_centre))))
 
 
 def reaching(plain: Pooled, weighted: Pooled, every: Sequence[EstimateDifference]) -> Pooled:

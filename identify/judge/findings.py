@@ -13,6 +13,11 @@ from jaxtyping import Float
 from identify.results.residual_cause import ResidualCause
 from identify.rounding import significant, with_uncertainty
 
+MATTERS = 0.5
+"""Shift of a component over its standard uncertainty from which a finding is worth a warning.
+
+Price: a standard uncertainty 12 % larger, ``hypot(1, 0.5)``.
+"""
 ROUNDING = 1e-9
 """Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero."""
 ESTIMATED = ", or let method joint estimate it"

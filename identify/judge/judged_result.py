@@ -9,12 +9,13 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import PriorBlock, error_blocks
 from identify.joint.single_run import Setting
-from identify.judge.findings import Finding, signed
+from identify.judge import specification
+from identify.judge.findings import MATTERS, Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import by_held_errors
 from identify.judge.resonance import ResonancePeak, resonance
 from identify.judge.run_fit import RunFit, fit_run
-from identify.judge.specification import difference
+from identify.judge.saturation import saturated
 from identify.judge.spectral_lines import lines_of
 from identify.judge.weight import LEAST_WEIGHT, falls, lasting
 from identify.methods.base import Problem
@@ -26,8 +27,6 @@ from identify.rounding import significant
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
-MATTERS = 0.5
-"""Shift of a component over its standard uncertainty from which a cause is worth a warning."""
 WIDENS = 0.2
 """Part of the residuals that a cause explains from which it is worth one, too: the interval is wider for it."""
 UNEXPLAINED = 3.0
@@ -36,8 +35,6 @@ EQUALLY = 1.2
 """Ratio of residuals with a point at rest to those with the accelerometer below which the base may have one."""
 LOOSE = 1.0
 """Standard uncertainty of a point at rest that is not declared [m]."""
-FLAT = 10
-"""Samples of one extreme value from which a sensor's range has ended; and three times as many as of the next value."""
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
 OF_ACCELEROMETER = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
@@ -98,7 +95,7 @@ def _of_run(
 ) -> tuple[list[ResidualCause], np.ndarray]:
     """Verdicts of one run, and the sum of the shifts that they stand for."""
     if not fits:
-        return _saturated(run), np.zeros(6)
+        return saturated(run), np.zeros(6)
     named: dict[Finding, FollowedCause] = {}
     judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
     for judgement in judgements:
@@ -107,7 +104,7 @@ def _of_run(
     if result.method != "joint":
         named = {finding: cause for finding, cause in named.items() if finding not in OF_ACCELEROMETER}
     left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
-    verdicts, total, quantity = _saturated(run), np.zeros(6), fits[0].prediction.quantity
+    verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
     for cause in named.values():
         shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
@@ -131,9 +128,9 @@ def _of_run(
         )
         total = total + shift
     if not named and not verdicts:
-        apart = difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
-        if apart.clear:
-            verdicts.append(apart.cause(run.name))
+        apart = specification.difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
+        if apart.chance < specification.CHANCE:
+            verdicts.append(specification.cause(apart, run.name))
             total = np.hypot(total, apart.value)
     lines = [] if result.method == "joint" else lines_of(run, result)
     if left_over > UNEXPLAINED:
@@ -166,26 +163,6 @@ def _of_mounting(fit: RunFit, peak: ResonancePeak, inertia: np.ndarray) -> np.nd
     motion = fit.prediction.signals
     squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
     return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
-
-
-def _saturated(run: Run) -> list[ResidualCause]:
-    """Channels whose samples stay at an extreme value: the end of the sensor's range."""
-    verdicts = []
-    for quantity in ("force", "moment", "omega"):
-        for axis, values in enumerate(getattr(run, quantity).T, 1):
-            if max(np.count_nonzero(values == end) for end in (values.min(), values.max())) < FLAT:
-                continue  # nothing to sort for
-            levels, counts = np.unique(values, return_counts=True)
-            for end, neighbour in ((0, 1), (-1, -2)):
-                if len(levels) > 2 and counts[end] >= max(FLAT, 3 * counts[neighbour] + 1):
-                    name = {"omega": "angular velocity"}.get(quantity, quantity)
-                    verdicts.append(
-                        Finding.SATURATION.cause(
-                            run.name, axis=f"b{axis}", share=counts[end] / len(values), quantity=name,
-                            value=significant(levels[end], 4), count=counts[end],
-                        )
-                    )  # fmt: skip
-    return verdicts
 
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from identify.estimators.regressor_rows import rows_of
 from identify.judge.findings import Finding
+from identify.judge.resonance import ABOVE
 from identify.results.identification_result import Identification
 from identify.results.residual_cause import ResidualCause
 from identify.rounding import significant
@@ -19,8 +20,6 @@ AROUND = 40
 """The level is a median over the spectrum's length divided by this."""
 LEAST = 1e-3
 """Smallest part of the residuals' variance that is reported."""
-OVER_BAND = 1.5
-"""Part of the motion's band above which a line is sought: below, a cause that follows the motion looks the same."""
 SHORTEST = 32
 """Samples below which nothing is judged."""
 
@@ -48,7 +47,7 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
     if rows.phi.shape[1] < SHORTEST:
         return []
     residuals = rows.moment.T - np.cross(result.r_cg, rows.force.T) - rows.inertial_moment(result.inertia)
-    resonance = line(residuals, run.rate, above=OVER_BAND * run.band)
+    resonance = line(residuals, run.rate, above=ABOVE * run.band)
     if resonance is None or resonance.share < LEAST:
         return []
     found = Finding.SPECTRAL_LINE.cause(

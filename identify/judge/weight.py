@@ -5,13 +5,12 @@ from jaxtyping import Float
 
 from identify.judge.conventions.convention_sums import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
+from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
 from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.run import Run
 
-LEAST_WEIGHT = 0.3
-"""Lasting force over the weight, or specific force over gravity, below which the body falls."""
 WITHIN = 10.0
 """Seconds over which a gyro keeps axes, whatever its bias."""
 

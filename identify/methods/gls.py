@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.estimators.generalised_least_squares import Weighed, whitened
-from identify.estimators.hausman import EstimateDifference, differences, reaching
+from identify.estimators.hausman import CHANCE, EstimateDifference, differences, reaching
 from identify.estimators.pooling import pool
 from identify.methods.base import Method, Problem
 from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import significant
 
 OTHERS = ("by ordinary least squares", "if moments that follow the motion have unknowns of their own")
@@ -40,7 +39,7 @@ class GeneralisedLeastSquares(Method):
         centre_covariance = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]
         every = differences(runs, with_weights, without, centre_covariance)
         warnings = _too_brief(runs)
-        if not any(difference.clear for difference in every):
+        if not any(difference.chance < CHANCE for difference in every):
             return result_of(problem, spec, weighted, with_weights, "gls", warnings)
         answer = reaching(without, with_weights, every)
         return result_of(problem, spec, plain, answer, "gls", [*warnings, _disagreement(every)])
@@ -57,10 +56,10 @@ def _too_brief(runs: Sequence[Weighed]) -> list[str]:
 def _disagreement(every: Sequence[EstimateDifference]) -> str:
     """Return a sentence on the difference that is least probable by chance."""
     k = int(np.argmin([difference.chance for difference in every]))
-    at, other = every[k].largest, every[k]
-    value, sigma = (significant(1e3 * x, 2) for x in (other.value[at], np.sqrt(other.covariance[at, at])))
+    component, value, expected = every[k].largest
     return (
-        f"weights are not to be trusted: {OTHERS[k]}, {COMPONENTS[at]} differs by {value} g·m², where {sigma} "
-        "g·m² is to be expected; the answer is ordinary least squares', its interval wide enough for both. Something "
-        "follows the motion: usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
+        f"weights are not to be trusted: {OTHERS[k]}, {component} differs by {significant(value, 2)} g·m², where "
+        f"{significant(expected, 2)} g·m² is to be expected; the answer is ordinary least squares', its interval wide "
+        "enough for both. Something follows the motion: usually r_CG is off, or a cable, cross-talk, a mounting that "
+        "flexes"
     )

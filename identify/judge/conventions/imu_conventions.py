@@ -22,7 +22,16 @@ GRAVITY_IN_G = (0.8, 1.25)  # less than this is no gravity in any unit
 WITHOUT_GRAVITY = (
     0.13  # of the specific force: throws leave less, runs under gravity more than 0.16, in wrong units too
 )
-LARGEST_LEVER, LARGEST_ZERO = 1.0, 2.0  # of a thrown IMU: metres, m/s², as standard deviations
+LARGEST_LEVER = 1.0
+"""Distance of a thrown IMU from the centre of gravity, as a standard deviation [m].
+
+Prior: wider than a body that is thrown by hand.
+"""
+LARGEST_ZERO = 2.0
+"""Zero of a thrown accelerometer, as a standard deviation [m/s²].
+
+Prior: wider than data sheets have, so that it takes up the scale's error, too.
+"""
 SMOOTHED = 0.01  # seconds
 
 
@@ -42,13 +51,17 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
 
 
 def in_free_fall(imu: ImuSignal) -> bool:
-    """Whether a lever explains the specific force without gravity: ``f = α × r + ω × (ω × r) + zero``.
+    """Whether a lever explains the specific force without gravity."""
+    time = imu.time
+    return len(time) >= 10 and time[-1] > time[0] and without_lever(imu) < WITHOUT_GRAVITY
 
-    By least squares with priors on lever and zero; what it leaves over and what the priors cost is judged together.
+
+def without_lever(imu: ImuSignal) -> float:
+    """Part of the specific force's power that a lever leaves over, ``f = α × r + ω × (ω × r) + zero``.
+
+    By least squares with priors on lever and zero; what the priors cost counts, too.
     """
     time, omega, specific_force = imu
-    if len(time) < 10 or time[-1] <= time[0]:
-        return False
     step = float(time[-1] - time[0]) / (len(time) - 1)
     width = max(1, round(SMOOTHED / step))
     omega, force = _average(omega, width), _average(specific_force, width)[::width]
@@ -59,7 +72,7 @@ def in_free_fall(imu: ImuSignal) -> bool:
     priors = np.repeat([LARGEST_LEVER, LARGEST_ZERO], 3) ** -2.0
     normal = np.einsum("nij,nik->jk", columns, columns) / power + np.diag(priors)
     right = np.einsum("nij,ni->j", columns, force) / power
-    return bool(1 - right @ np.linalg.solve(normal, right) < WITHOUT_GRAVITY)
+    return float(1 - right @ np.linalg.solve(normal, right))
 
 
 def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:

@@ -20,15 +20,18 @@ from identify.judge.conventions.convention_fit import (
     WEIGHT,
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
-from identify.judge.conventions.conventions import DECISIVE, Scales, hypotheses
+from identify.judge.conventions.conventions import DECISIVE, LARGEST_LEVER, Scales, hypotheses
 
 AIR = 1.0  # kg/m³: no body on a load cell is lighter
-LEAST_WEIGHT = 0.3  # of the declared weight, below which it counts as missing
+LEAST_WEIGHT = 0.3
+"""Lasting force over the declared weight, or specific force over gravity, below which there is no weight.
+
+Choice: a zero or a wrong mass takes less than 70 % away. MARGIN_WEIGHT
+"""
 CERTAIN = 6.0  # standard deviations
 ZERO = 0.03  # of the mean force that may be the zero, as a standard deviation, besides a quarter of the noise
 LIKENESS = 0.05  # of the force's changes: gravity carried along by a gyro is no better
 ALIKE = 0.9  # correlation of force and specific force: without the weight it is half of that
-LARGEST_ARM = 0.5  # metres from Q to the centre of gravity, as a standard deviation
 
 Removed = Literal["force", "force and moment", "undetermined"]
 """The signals from which the driver removed the weight."""
@@ -150,7 +153,7 @@ def _least_trace(sums: ConventionSums) -> float:
     variances = [convention_fit.variance_left(turned, MOMENT_TERMS_WITH_WEIGHT, MOMENT) for turned in candidates]
     best = candidates[int(np.argmin(variances))]
     heaviest = (sums.size(FORCE) + 4 * sums.noise[0]) / max(sums.size(SPECIFIC), 1.0)
-    priors = np.concatenate([[LARGEST_ARM] * 3, [np.inf] * 9, [LARGEST_ARM * heaviest] * 3])
+    priors = np.concatenate([[LARGEST_LEVER] * 3, [np.inf] * 9, [LARGEST_LEVER * heaviest] * 3])
     fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(variances), priors=priors)
     moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
     spread = np.sqrt(max(float(fit.covariance[np.ix_(moments, moments)].sum()), 0.0))

@@ -12,8 +12,8 @@ from identify.rounding import fixed, with_uncertainty
 
 LEAST_TURN = np.radians(0.5)
 SMALL_TURN = np.radians(10.0)  # from the axes as they are: measured as a small turn, after all else
-TURNED = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
-UNEXPLAINED = 0.15  # of the changes, or three times white noise: more left over is no rigid body
+CERTAIN_SHIFT = 40.0  # chi-square of a small turn, on three degrees of freedom; 2e-8 by chance
+NOT_RIGID = 0.15  # of the changes, or three times white noise: more left over is no rigid body
 WELL_EXPLAINED = 0.05  # of the changes, or noise: nothing is left that a rotation of ten degrees could explain
 COVERAGE = 2.0
 
@@ -40,12 +40,12 @@ def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> F
         return free if angle > SMALL_TURN else None
     turned = chi_square(free.reversed.applied(sums).turned(imu=nearest), free.given)
     gain = turned - chi_square(free.applied(sums), free.given)
-    return free if angle > LEAST_TURN and gain > TURNED else None
+    return free if angle > LEAST_TURN and gain > CERTAIN_SHIFT else None
 
 
 def explains(sums: ConventionSums, columns: slice, variance: float) -> bool:
     """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
-    return bool(variance < max(9 * _white(sums, columns), UNEXPLAINED**2 * _changes(sums, columns)))
+    return bool(variance < max(9 * _white(sums, columns), NOT_RIGID**2 * _changes(sums, columns)))
 
 
 def _well_explained(sums: ConventionSums) -> bool:

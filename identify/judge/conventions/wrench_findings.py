@@ -38,8 +38,8 @@ from identify.judge.conventions.imu_conventions import in_free_fall, wrong_units
 from identify.judge.conventions.imu_findings import STANDARD_GRAVITY
 from identify.judge.conventions.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
 from identify.judge.conventions.rotation_findings import (
+    CERTAIN_SHIFT,
     LEAST_TURN,
-    TURNED,
     axes_text,
     compound,
     explains,
@@ -57,7 +57,6 @@ UNIT_TOLERANCE = 0.1  # departure of a ratio from that of a unit
 LEAST_GRAVITY = 2.0  # m/s² of specific force: without accelerometer nothing is judged
 LEAST_SHIFT = 3e-3  # metres
 ALIKE = 1.5  # factor by which a distance may differ from that of a unit: the motion may tell it poorly
-SHIFTED = 40.0  # chi-square of a centre of gravity elsewhere, likewise
 ZERO_LEVER = 5e-3  # metres: times the weight, the moment that may be the load cell's zero
 
 Vector = Float[np.ndarray, "3"]
@@ -277,7 +276,7 @@ class _Examination:
 
     def _turned(self, given: Scales) -> Iterator[Contradiction]:
         turn, chi_square = misalignment(self.sums, given)
-        if chi_square > TURNED and float(np.linalg.norm(turn)) > LEAST_TURN:
+        if chi_square > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
             before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
             sensor, cure = self._rotation_cure(before, exponential(turn).T)
             vector = small_turn_text(turn, derivatives(self.sums, given, np.zeros(3))[1])
@@ -326,7 +325,7 @@ class _Examination:
         shift, covariance = self._shift(centre)
         certain = np.diag(centre.undetermined) < 0.25
         chi_square = float(shift @ np.linalg.solve(covariance, shift))
-        if chi_square < SHIFTED or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
+        if chi_square < CERTAIN_SHIFT or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
             return
         unit = self._moment_unit(centre, certain, chi_square)
         if unit is not None:

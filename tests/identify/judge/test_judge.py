@@ -8,9 +8,10 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.judge.findings import Finding
+from identify.judge.saturation import saturated
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.laboratory import FULL_SCALE, measure
-from tests.helpers.laboratory_runs import identified, identified_files, source
+from tests.helpers.laboratory_runs import identified, identified_files, run_of, source
 from tests.helpers.troubles import TROUBLES
 
 SHORT = {"seconds": 15.0}
@@ -66,6 +67,29 @@ def test_what_has_no_name_is_said_and_widens_the_interval():
 def test_the_end_of_a_sensors_range_is_said():
     measured = measure(0, **TROUBLES["clipping"].options(0.1, 0), **SHORT)
     assert {"saturation"} <= {verdict.cause for verdict in identified(measured).consistency}
+
+
+@pytest.mark.parametrize(("clipped", "named"), [(0.0, False), (0.1, True)])
+def test_the_end_of_a_sensors_range_is_said_of_a_file(tmp_path, clipped, named):
+    """Stamps of a file are rounded, so that samples of one value differ by 1e-7 of the range."""
+    measured = measure(0, **TROUBLES["clipping"].options(clipped, 0), **SHORT)
+    causes = {verdict.cause for verdict in identified_files(measured, tmp_path).consistency}
+    assert ("saturation" in causes) == named
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.round(3 * np.sin(np.arange(4000.0))),  # the next value is as frequent
+        np.repeat([0.0, 1.0], 200),  # no signal but a switch
+        np.zeros(400),
+        np.random.default_rng(0).normal(size=4000),
+    ],
+)
+def test_a_coarse_or_constant_signal_does_not_end_a_range(values):
+    run = run_of(measure(0, **SHORT))
+    signal = np.resize(values, len(run.t))
+    assert saturated(replace(run, omega=np.stack([signal] * 3, axis=1))) == []
 
 
 def test_a_declared_error_is_no_news(tmp_path, few_draws):
