@@ -34,6 +34,46 @@ def test_a_call_of_many_arguments_names_them():
     assert not house.positional_calls()
 
 
+TESTS = ROOT / "tests"
+ABOVE_A_FLOOR = {"identify": {"uq", "rig"}, "rig": {"uq", "identify"}}
+"""Packages that a floor's tests do not import, neither themselves nor by a helper or a fixture."""
+
+
+def imported(node: ast.AST) -> set[str]:
+    """Every module that is imported below a node of the syntax tree, and what is taken from it, by dotted names."""
+    names = set()
+    for part in ast.walk(node):
+        if isinstance(part, ast.Import):
+            names |= {alias.name for alias in part.names}
+        elif isinstance(part, ast.ImportFrom):
+            names |= {str(part.module), *(f"{part.module}.{alias.name}" for alias in part.names)}
+    return names
+
+
+def test_tests_keep_the_floors_and_import_no_other_tests():
+    trees = {path: ast.parse(path.read_text("utf-8")) for path in TESTS.rglob("*.py")}
+    helpers = {
+        f"tests.helpers.{path.stem}": imported(tree) for path, tree in trees.items() if path.parent.stem == "helpers"
+    }
+    fixtures = {
+        node.name: imported(node) | {argument.arg for argument in node.args.args}
+        for node in trees[TESTS / "conftest.py"].body
+        if isinstance(node, ast.FunctionDef) and node.decorator_list
+    }
+    assert fixtures
+    wrong = []
+    for path, tree in trees.items():
+        names = imported(tree)
+        wrong += [f"{path.stem}: {name}" for name in names if re.match(r"tests\.(?!helpers)", name)]
+        names |= {part.arg for part in ast.walk(tree) if isinstance(part, ast.arg)}
+        while more := set().union(*((helpers | fixtures).get(name, set()) for name in names)) - names:
+            names |= more
+        floor = path.relative_to(TESTS).parts[0]
+        packages = {name.split(".")[0] for name in names}
+        wrong += [f"{path}: {package}" for package in packages & ABOVE_A_FLOOR.get(floor, set())]
+    assert not wrong
+
+
 def test_every_room_says_what_it_is_for():
     assert not [room for room in house.rooms() if not (room / "__init__.py").read_text("utf-8").startswith('"""')]
 

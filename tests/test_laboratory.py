@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from rig.runs import read
-from tests.helpers import laboratory_runs
+from tests.helpers import laboratory_files, laboratory_runs
 from tests.helpers.laboratory import FULL_SCALE, NOISE, RATE, SIGMA, Setup, measure
 from tests.helpers.laboratory_mechanics import (
     FINE,
@@ -168,17 +168,17 @@ def test_noise_and_constants_are_drawn_by_the_seed():
 def test_both_routes_bring_the_same_run(tmp_path):
     """Arrays, and a file with its experiment: within rounding of the stamps, the tensor within its interval."""
     run = measure(3, seconds=10.0)
-    path = laboratory_runs.write(tmp_path / "run.mcap", run)
+    path = laboratory_files.write(tmp_path / "run.mcap", run)
     recording = read(path)
     np.testing.assert_allclose(recording.wrench.moment, run.moment)
     np.testing.assert_allclose(recording.imu.linear_acceleration, run.acceleration)
     direct = laboratory_runs.identified(run)
-    by_files = laboratory_runs.identified_files(run, tmp_path)
+    by_files = laboratory_files.identified_files(run, tmp_path)
     u = direct.standard_uncertainty
     np.testing.assert_allclose(by_files.inertia, direct.inertia, atol=0.2 * u.min())
     for result in (direct, by_files):
         assert (np.abs(result.inertia - run.truth) < 3 * result.standard_uncertainty).all()
     assert {"r_cg", "gyro_zero"} <= set(by_files.budget)
-    still = laboratory_runs.document(measure(0, SILENT, still=True))["recording"]
-    lever = laboratory_runs.document(measure(0, SILENT))["recording"]
+    still = laboratory_files.document(measure(0, SILENT, still=True))["recording"]
+    lever = laboratory_files.document(measure(0, SILENT))["recording"]
     assert (still.get("cg_motion"), lever.get("cg_motion")) == ("still", None)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.helpers import laboratory_runs
+from tests.helpers import laboratory_files
 from tests.helpers.laboratory import RATE, Setup, measure
 from tests.helpers.troubles import TROUBLES, shift, size_for
 from uq.experiment.experiment import Experiment
@@ -42,8 +42,8 @@ def test_there_are_many_troubles_and_those_with_sources_declare_them():
     for name, trouble in TROUBLES.items():
         options = trouble.options(trouble.typical, 1)
         assert set(options) <= set(Setup.__dataclass_fields__), name
-        tables += [laboratory_runs.source(*table) for table in trouble.sources(trouble.typical)]
-    experiment = Experiment.from_dict(laboratory_runs.document(measure(0, SILENT), sources=tables))
+        tables += [laboratory_files.source(*table) for table in trouble.sources(trouble.typical)]
+    experiment = Experiment.from_dict(laboratory_files.document(measure(0, SILENT), sources=tables))
     assert {table["name"] for table in tables} <= {source.name for source in experiment.sources}
 
 

@@ -45,3 +45,11 @@ def assert_same(one, other, columns):
     assert (one.topic, one.frame_id) == (other.topic, other.frame_id)
     for name in columns:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def only(parser, data):
+    """The one sample of a whole frame."""
+    (sample,) = parser.feed(data)
+    counts = parser.counts
+    assert (counts.framed, counts.skipped, counts.failures, counts.bytes) == (len(data), 0, 0, len(data))
+    return sample

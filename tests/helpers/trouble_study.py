@@ -84,7 +84,7 @@ def size_of(cell: Cell, u):
 def row_of(cell: Cell, u=None) -> dict:
     """Do one cell: all that tables and verdicts need of it."""
     from identify.exceptions import RunError
-    from tests.helpers.laboratory_runs import identified_files, source
+    from tests.helpers.laboratory_files import identified_files, source
 
     began = time.process_time()
     row, options, sources = cell._asdict(), {}, []

@@ -31,7 +31,7 @@ class Trouble:
     sizes: tuple[float, float] | None = None
     """Small and large, where they are not from what they shift."""
     sources: Callable[[float], list] = lambda size: []
-    """Sources of an experiment that declare it, drawn with this size: arguments of ``laboratory_runs.source``."""
+    """Sources of an experiment that declare it, drawn with this size: arguments of ``laboratory_files.source``."""
 
     def options(self, size, seed):
         """Options for a size; where it has a direction, that is drawn by the seed alone."""

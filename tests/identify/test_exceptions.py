@@ -5,8 +5,6 @@ import re
 
 import pytest
 
-import identify
-import uq
 from identify.exceptions import UnknownNameError, explains_names
 
 
@@ -32,20 +30,6 @@ def test_what_must_be_named_is_shown_named(arguments, call):
         TypeError, match=f"^{re.escape(f'weigh() takes its other arguments by their names: write {call}')}$"
     ):
         weigh(*arguments)
-
-
-@pytest.mark.parametrize(
-    ("function", "arguments", "call"),
-    [
-        (uq.montecarlo, (None, 200), "montecarlo(experiment, trials=200)"),
-        (uq.paper, (100,), "paper(trials=100)"),
-        (identify.identify, (None, (0, 0, 0)), "identify(runs, r_cg=…)"),
-        (identify.ordinary_least_squares, (1, 2, 3, 200.0), "ordinary_least_squares(force, moment, omega, rate=200.0)"),
-    ],
-)
-def test_the_public_functions_do_so(function, arguments, call):
-    with pytest.raises(TypeError, match=re.escape(f"by their names: write {call}")):
-        function(*arguments)
 
 
 def test_an_unknown_name_is_answered_with_those_that_there_are():

@@ -3,7 +3,6 @@
 import math
 from fractions import Fraction
 
-import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
@@ -21,6 +20,8 @@ from identify.rounding import (
 from identify.text_tables import is_figure
 
 values = st.floats(-1e9, 1e9)
+
+
 uncertainties = st.floats(1e-9, 1e9)
 
 
@@ -73,29 +74,6 @@ def test_concise_notation_says_the_same(value, u):
     assert in_last_digits == Fraction(beside)
     assert is_figure(text)
     assert with_uncertainty(value, u) == f"{plain} ± {beside}"
-
-
-@pytest.mark.parametrize(
-    ("value", "u", "plain", "short"),
-    [
-        (50000838.2, 31.7, "50000838 ± 32", "50000838(32)"),
-        (5.02, 0.011, "5.020 ± 0.011", "5.020(11)"),
-        (374.93, 4.94, "374.9 ± 4.9", "374.9(4.9)"),
-        (4.8, 0.099, "4.800 ± 0.099", "4.800(99)"),
-        (-0.00001, 0.5, "0.00 ± 0.50", "0.00(50)"),
-        (1234567.0, 1234.0, "1234600 ± 1200", "1234600(1200)"),
-        (7.0, 0.0, "7.000", "7.000"),
-        (0.0, 0.0, "0", "0"),
-        (3.7, 2e-16, "3.700", "3.700"),
-        (1.0, math.nan, "1.000", "1.000"),
-        (math.nan, 0.1, "–", "–"),
-        (math.inf, 0.1, "∞", "∞"),
-    ],
-)
-def test_both_notations(value, u, plain, short):
-    assert with_uncertainty(value, u) == plain
-    with concise():
-        assert with_uncertainty(value, u) == short
 
 
 def test_what_a_table_need_not_show_is_rounded_away():

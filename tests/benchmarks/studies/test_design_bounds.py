@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.studies.design_bounds import bound_by_squares, excursion_mean_square, repeating_bound
 from identify.motion.multisine import Multisine
-from tests.uq.motion_design.hexapod.test_design import on_a_platform
+from tests.helpers.platform_experiment import on_a_platform
 from uq.experiment.experiment import Experiment
 from uq.motion_design.hexapod.design_bound import design_bound
 from uq.motion_design.hexapod.rig_limits import resolved_limits

@@ -9,8 +9,8 @@ import pytest
 from identify.joint.priors import ConstantError
 from identify.results.known_bias import covering_bias
 from identify.signals.run import RunError
-from tests.helpers.laboratory import FULL_SCALE, measure
-from tests.helpers.laboratory_runs import identified, identified_files, source
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import identified
 
 SHORT = {"seconds": 15.0}
 
@@ -40,26 +40,6 @@ def test_an_accelerometer_that_contradicts_a_still_centre_of_gravity_stops_the_i
     measured = measure(1, still=False, declared_still=True, **SHORT)
     with pytest.raises(RunError, match=r'contradicts cg_motion = "still".* 11\d mm from the point at rest'):
         identified(measured, "joint")
-
-
-def test_declared_errors_act_through_the_joint_estimate(tmp_path):
-    """They are told apart by their sizes alone."""
-    talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
-    measured = measure(
-        1, gyro_scale=(3e-3, -4e-3, 2e-3), cell_gain=(4e-3, -6e-3, 2e-3, 5e-3, -3e-3, 6e-3),
-        cell_turn=(3e-3, 4e-3, -2e-3), cross_talk=talk * FULL_SCALE[:, None] / FULL_SCALE, **SHORT,
-    )  # fmt: skip
-    declared = [
-        source("g", "omega", "scale", [0.3] * 3), source("f", "F", "scale", [0.5] * 3),
-        source("m", "M", "scale", [0.5] * 3), source("a", "wrench", "misalignment", [3e-3] * 3),
-        source("c", "wrench", "cross_talk", 5e-3),
-    ]  # fmt: skip
-    result = identified_files(measured, tmp_path, "joint", declared)
-    assert np.abs(distances(result, measured)).max() < 3
-    total = np.sqrt(sum(row**2 for row in result.budget.values()))
-    assert set(result.budget) >= {"residuals", *(table["name"] for table in declared)}
-    np.testing.assert_allclose(total, result.standard_uncertainty, rtol=1e-6)
-    assert np.linalg.eigvalsh(result.parameters.covariance).min() >= -1e-18
 
 
 @pytest.mark.study

@@ -9,9 +9,8 @@ import pytest
 from identify.exceptions import RunError
 from identify.judge.findings import Finding
 from identify.judge.saturation import saturated
-from identify.rigid_body.inertia import COMPONENTS
-from tests.helpers.laboratory import FULL_SCALE, measure
-from tests.helpers.laboratory_runs import identified, identified_files, run_of, source
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import TROUBLES
 
 SHORT = {"seconds": 15.0}
@@ -38,6 +37,8 @@ NAMED = [
     ("cross-talk", 5e-3, "cross-talk"), ("gain drift", 6e-3, "gain drift"), ("ringing mounting", 0.7, "resonance"),
     ("slip", 6e-3, "slip"),
 ]  # fmt: skip
+
+
 METHODS = ("joint", "source")
 
 
@@ -69,14 +70,6 @@ def test_the_end_of_a_sensors_range_is_said():
     assert {"saturation"} <= {verdict.cause for verdict in identified(measured).consistency}
 
 
-@pytest.mark.parametrize(("clipped", "named"), [(0.0, False), (0.1, True)])
-def test_the_end_of_a_sensors_range_is_said_of_a_file(tmp_path, clipped, named):
-    """Stamps of a file are rounded, so that samples of one value differ by 1e-7 of the range."""
-    measured = measure(0, **TROUBLES["clipping"].options(clipped, 0), **SHORT)
-    causes = {verdict.cause for verdict in identified_files(measured, tmp_path).consistency}
-    assert ("saturation" in causes) == named
-
-
 @pytest.mark.parametrize(
     "values",
     [
@@ -90,19 +83,6 @@ def test_a_coarse_or_constant_signal_does_not_end_a_range(values):
     run = run_of(measure(0, **SHORT))
     signal = np.resize(values, len(run.t))
     assert saturated(replace(run, omega=np.stack([signal] * 3, axis=1))) == []
-
-
-def test_a_declared_error_is_no_news(tmp_path, few_draws):
-    talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
-    measured = measure(1, cross_talk=talk * FULL_SCALE[:, None] / FULL_SCALE, **SHORT)
-    undeclared = identified_files(measured, tmp_path, "source")
-    declared = identified_files(measured, tmp_path, "source", [source("c", "wrench", "cross_talk", 5e-3)])
-    assert undeclared.consistency[0].cause == "cross-talk"
-    assert declared.consistency == ()
-    assert "model misfit" in undeclared.budget
-    assert "model misfit" not in declared.budget
-    total = np.sqrt(sum(np.square(row) for row in undeclared.budget.values()))
-    np.testing.assert_allclose(total, undeclared.standard_uncertainty, rtol=1e-3)
 
 
 def test_an_error_of_the_centre_within_its_uncertainty_is_no_news():
@@ -124,37 +104,6 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
     result = identified(measured, "joint")
     assert result.consistency[0].cause == "gyro axes"
     assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
-
-
-@pytest.mark.parametrize("method", [pytest.param("source", marks=pytest.mark.study), "joint"])
-@pytest.mark.parametrize(
-    ("error", "target", "kind", "size"),
-    [
-        ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
-        pytest.param({"imu_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3, marks=pytest.mark.study),
-    ],
-)
-def test_a_declared_turn_or_delay_of_the_imu_is_no_news(tmp_path, few_draws, method, error, target, kind, size):
-    measured = measure(4, **error, **SHORT)
-    result = identified_files(measured, tmp_path, method, [source("declared", target, kind, size)])
-    assert result.consistency == ()
-    assert not [text for text in result.warnings if "run0" in text]
-    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
-
-
-def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_path):
-    """The motion cannot tell whether IMU or load cell is turned; the tensor in the load cell's axes is what is given."""
-    turn = np.array([2e-3, -4e-3, 3e-3])
-    measured = measure(3, cell_turn=tuple(turn), **SHORT)
-    result = identified(measured, "joint")
-    first = result.warnings[0]
-    assert "were it the load cell's" in first
-    error = 1e3 * (measured.truth - result.inertia)[COMPONENTS.index(first.split("load cell's, ")[1][:3])]
-    told = float(first.split("would be ")[1].split()[0].replace("−", "-"))
-    assert told == pytest.approx(error, abs=0.15)
-    declared = identified_files(measured, tmp_path, "joint", [source("axes", "wrench", "misalignment", [4e-3] * 3)])
-    assert declared.warnings == ()
-    assert (np.abs(declared.inertia - measured.truth) < np.ptp(declared.interval95, axis=1)).all()
 
 
 def test_stamps_that_jitter_are_the_reason_of_a_refusal():

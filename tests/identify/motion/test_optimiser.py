@@ -3,21 +3,13 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.optimize import minimize as scipy_minimize
 
 from identify.motion.information_bound import least
 from identify.motion.leg_limits import Limits
 from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.optimiser import Lagrangian, minimise
-from identify.motion.periodic_motion import Periodic, accelerations
-from uq.experiment.platform_table import PlatformTable
-from uq.files.schema import declared_table
-
-OFFSET, GRAVITY = np.array([0.01, -0.02, 0.11]), np.array(9.81)
-
-
-# --- the minimiser ---
+from identify.motion.periodic_motion import accelerations
 
 
 def test_a_linear_goal_ends_on_the_circle_of_its_limits():
@@ -40,35 +32,10 @@ def test_a_minimum_within_the_limits_is_left_alone():
     assert optimum.excess < 0
 
 
-# --- periodic motions ---
-
-
-@pytest.fixture(scope="module")
-def platform():
-    return jax.tree.map(
-        jnp.asarray, declared_table("platform", {"geometry": "assumed-source-size"}, PlatformTable).legs
-    )
-
-
-@pytest.fixture(scope="module")
-def periodic(platform):
-    limits = Limits.none()._replace(acceleration=np.full(6, 1.2), speed=np.full(6, 0.128))
-    return Periodic.of(platform, limits, period=2.0, band=2.0, rate=80.0)
-
-
-def test_unknowns_come_back(periodic, generator):
-    unknowns = generator.normal(size=periodic.unknowns)
-    amplitudes = np.asarray(periodic.amplitudes(jnp.asarray(unknowns)))
-    np.testing.assert_allclose(periodic.unknowns_of(amplitudes), unknowns, atol=1e-12)
-
-
 def test_units_of_the_unknowns_follow_the_limits():
     free = Limits.none()
     np.testing.assert_array_equal(accelerations(free), np.ones(6))
     np.testing.assert_array_equal(accelerations(free._replace(acceleration=np.full(6, 2.5))), np.full(6, 2.5))
-
-
-# --- what a band allows ---
 
 
 def test_the_best_excursion_is_reached():
@@ -105,9 +72,6 @@ def test_limits_of_the_mean_square():
     tight = 1e-3
     np.testing.assert_allclose(largest_mean_square(2.0, tight, 5.0), (10 * np.pi * tight) ** 2 / 2, rtol=1e-3)
     assert largest_amplitude(2.0, tight, np.inf, 5.0) == 10 * np.pi * tight
-
-
-# --- duality ---
 
 
 def uncertainty(moment):

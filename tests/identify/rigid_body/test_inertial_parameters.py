@@ -6,18 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from identify.rigid_body.inertial_parameters import Datum, InertialParameters
+from identify.rigid_body.inertial_parameters import Datum
 from identify.rigid_body.principal_axes import principal_axes
-
-PACKED = np.triu_indices(3)
-
-
-def ten(masses, points):
-    """Mass, centre of gravity and packed tensor about it of point masses."""
-    mass, r_cg = masses.sum(), masses @ points / masses.sum()
-    arms = points - r_cg
-    tensor = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, arms, strict=True))
-    return np.concatenate([[mass], r_cg, tensor[PACKED]])
+from tests.helpers.point_masses import PACKED, parameters, ten
 
 
 def about_points(masses, points, origin):
@@ -28,12 +19,6 @@ def about_points(masses, points, origin):
 @pytest.fixture
 def cloud(generator):
     return generator.uniform(0.1, 1, 8), generator.normal(size=(8, 3))
-
-
-def parameters(values, covariance=None):
-    return InertialParameters(
-        values[0], values[1:4], values[4:], np.zeros((10, 10)) if covariance is None else covariance
-    )
 
 
 def random_covariance(generator, values, part=1e-3):

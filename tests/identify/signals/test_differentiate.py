@@ -50,16 +50,6 @@ def test_the_matched_smoother_holds_its_gain_over_the_band_and_the_next_longer_d
     assert worst_gain(savitzky_golay(rate, 2 * len(taps) + 3), rate, band) > GAIN_TOLERANCE
 
 
-def test_the_presets_smoother_has_its_gain_measured_on_a_sine(preset):
-    spec = preset.estimator("smoothed")
-    taps = spec.taps(400.0)
-    t, omega = np.arange(4000) / 400, 2 * np.pi * 1.5
-    signal = jnp.asarray(np.stack([np.sin(omega * t)] * 3))
-    alpha = np.asarray(derivative(signal, jnp.asarray(taps)))[0]
-    expected = omega * np.cos(omega * t[len(taps) : -len(taps)])
-    assert np.abs(alpha - expected).max() < GAIN_TOLERANCE * omega
-
-
 def test_noise_gain_is_measured_on_white_noise(generator):
     noise = jnp.asarray(generator.normal(size=(3, 200_000)))
     for spec in (EstimatorSpec("a", "central"), EstimatorSpec("b", "savitzky-golay", window=39)):

@@ -1,7 +1,6 @@
 """Bags and folders that are damaged or odd: a recording or one line, never a traceback, never without end."""
 
 import json
-import os
 import sqlite3
 
 import numpy as np
@@ -13,10 +12,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rig import inspect, runs
 from rig.bags.marks import read_marks
 from rig.exceptions import RigError
-from rig.mcap.recover import recover
 from tests.helpers.bags import ROS1, merged, write_mcap, write_ros1, write_rosbag2
 from tests.helpers.rig_samples import imu_channel, wrench_channel
-from uq.cli.main import main
 
 WRENCH, IMU = wrench_channel(), imu_channel()
 
@@ -108,7 +105,11 @@ def test_flipped_bytes_of_a_ros1_bag_are_a_recording_or_one_line(tmp_path, compr
 
 
 DEEP = b"[" * 100_000
+
+
 HEADER = '"header": {"stamp": {"sec": %s, "nsec": 2}, "frame_id": ""}'
+
+
 FORCES = '"wrench": {"force": [%s, 2, 3], "torque": [1, 2, 3]}'
 
 
@@ -159,32 +160,6 @@ def test_a_metadata_file_without_end(tmp_path):
     with open(tmp_path / "metadata.yaml", "wb") as stream:
         stream.truncate(2**33)  # a hole: it takes no room on the disk
     one_line(tmp_path, "too long .*metadata.yaml")
-
-
-@pytest.mark.parametrize("command", [("inspect",), ("recover", "-o", "new.mcap")])
-def test_a_fifo_is_refused(tmp_path, command, capsys):
-    """Without a writer, opening it would wait for ever."""
-    os.mkfifo(tmp_path / "run.mcap")
-    assert main([command[0], str(tmp_path / "run.mcap"), *command[1:]]) == 2
-    assert "but a FIFO" in capsys.readouterr().err
-    (tmp_path / "bag").mkdir()
-    os.mkfifo(tmp_path / "bag" / "run.mcap")
-    if command[0] == "inspect":
-        assert main(["inspect", str(tmp_path / "bag")]) == 2
-        assert "but a FIFO" in capsys.readouterr().err
-
-
-def test_an_intact_file_without_messages_is_said_to_be_intact(tmp_path, capsys):
-    with open(tmp_path / "empty.mcap", "wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        writer.finish()
-    result = recover(tmp_path / "empty.mcap", tmp_path / "new.mcap")
-    assert result.intact
-    assert (result.messages, result.lost_bytes) == (0, 0)
-    assert "the file is intact and holds no messages" in str(result)
-    assert not runs.load(tmp_path / "new.mcap").topics
-    assert main(["recover", str(tmp_path / "empty.mcap"), "-o", str(tmp_path / "again.mcap")]) == 0
 
 
 def test_what_is_missing_comes_in_the_same_order(tmp_path):

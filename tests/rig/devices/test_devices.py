@@ -11,14 +11,7 @@ from rig.devices.base import Device
 from rig.devices.checksums import crc16_x25
 from rig.devices.conversation import Inquire, Listen, NoAnswerError, Send
 from rig.exceptions import RigError
-from tests.helpers.rig_samples import SHARED
-
-
-def only(parser, data):
-    (sample,) = parser.feed(data)
-    counts = parser.counts
-    assert (counts.framed, counts.skipped, counts.failures, counts.bytes) == (len(data), 0, 0, len(data))
-    return sample
+from tests.helpers.rig_samples import SHARED, only
 
 
 def test_bota_vector():

@@ -4,7 +4,7 @@ import pytest
 
 from rig.devices import robotiq_ft
 from rig.devices.checksums import crc16_modbus
-from tests.rig.devices.test_devices import only
+from tests.helpers.rig_samples import only
 
 FRAME = bytes.fromhex("204e 7b00 85ff d503 7d00 83ff 1f00 71cd")
 

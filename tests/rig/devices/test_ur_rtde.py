@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rig.devices import create_device, ur_rtde
 from rig.devices.conversation import Inquire, NoAnswerError, Send
 from rig.exceptions import RigError
-from tests.rig.devices.test_devices import only
+from tests.helpers.rig_samples import only
 
 JOINTS = 12
 

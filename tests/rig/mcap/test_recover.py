@@ -8,43 +8,8 @@ from rig import runs
 from rig.exceptions import RigError
 from rig.mcap.records import Scanner, chunk_batch
 from rig.mcap.recover import recover
-from rig.mcap.writer import new_writer, register
 from rig.read_limits import UnpackBudget
-from tests.helpers.rig_samples import imu_channel, wrench_channel
-from uq.cli.main import main
-
-METADATA = {"rig.run": {"note": "a run"}}
-
-
-def written(path, compression="zstd", n=200):
-    """A run of 2 n messages in small chunks, one known row a message."""
-    wrench, imu = wrench_channel(n), imu_channel(n)
-    with open(path, "wb") as stream:
-        writer = new_writer(stream, compression=compression, chunk_size=1600)
-        for name, facts in METADATA.items():
-            writer.add_metadata(name, runs.seal(name, facts))
-        streams = []
-        for channel in (wrench, imu):
-            number = register(writer, runs.TYPES[type(channel)], channel.topic)
-            streams.append(runs._messages(channel, number))
-        for pair in zip(*streams, strict=True):
-            for time, number, data, stamp, sequence in pair:
-                writer.add_message(number, time, data, stamp, sequence)
-        writer.finish()
-    return rows(path)
-
-
-def rows(path):
-    """Every message of a file as {(topic, log_time): its numbers}."""
-    found = {}
-    contents = runs.load(path)
-    for topic, pieces in contents.topics.items():
-        columns = pieces.arrays()
-        values = [v for name, v in columns.items() if v.ndim == 2]
-        keep = zip(columns["log_time"], columns["stamp"], columns["sequence"], *values, strict=True)
-        for time, stamp, sequence, left, right in keep:
-            found[topic, int(time)] = (int(stamp), int(sequence), left.tobytes(), right.tobytes())
-    return found
+from tests.helpers.saved_runs import METADATA, rows, written
 
 
 def chunk_spans(path):
@@ -119,23 +84,6 @@ def test_no_flipped_bit_gives_a_wrong_number(tmp_path, compression, flips):
         assert metadata.get("rig.run", METADATA["rig.run"]) == METADATA["rig.run"]
 
 
-def test_the_command_says_what_was_lost(tmp_path, capsys):
-    path, output = tmp_path / "run.mcap", tmp_path / "new.mcap"
-    written(path)
-    data = path.read_bytes()
-    assert main(["recover", str(path), "-o", str(output)]) == 0
-    assert main(["recover", str(path), "-o", str(output)]) == 2
-    path.write_bytes(data[: len(data) // 2])
-    output.unlink()
-    assert main(["recover", str(path), "-o", str(output)]) == 1
-    out, err = capsys.readouterr()
-    assert "the number of lost messages is unknown" in out.splitlines()[-1]
-    assert "the file is cut" in out
-    assert "damaged" not in out
-    assert err.startswith("error: output exists")
-    assert path.read_bytes() == data[: len(data) // 2]
-
-
 @pytest.mark.parametrize("length", [2**62, 2**64 - 1])
 def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
     path = tmp_path / "run.mcap"
@@ -151,11 +99,3 @@ def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
     assert got.items() <= whole.items()
     assert len(got) == len(whole) - rows_of_chunk(record)
     assert result.lost_bytes >= end - start
-
-
-@pytest.mark.parametrize("content", [b"", b"nonsense" * 100])
-def test_what_is_no_run_is_no_run(tmp_path, content, capsys):
-    (tmp_path / "x.mcap").write_bytes(content)
-    assert main(["recover", str(tmp_path / "x.mcap"), "-o", str(tmp_path / "y.mcap")]) == 2
-    assert "nothing to recover" in capsys.readouterr().err
-    assert not (tmp_path / "y.mcap").exists()

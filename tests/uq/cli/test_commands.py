@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import pytest
 from identify.rounding import with_uncertainty
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from tests.helpers.commands import SHORT, refused
 from uq.cli import main as cli
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
@@ -24,8 +24,6 @@ from uq.identification.identify_files import identify_files
 pytestmark = pytest.mark.usefixtures("few_draws")
 
 ROOT = Path(__file__).parents[3]
-PRESET = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
-SHORT = PRESET.replace("180 s", "19.75 s").replace("27 s", "2.9 s")
 N, RATE = 4000, 400
 
 
@@ -94,21 +92,6 @@ def broken_run(path, what):
         path.write_bytes(path.read_bytes()[:-2000])
     elif what == "not mcap":
         path.write_bytes(b"time,fx,fy,fz\n" * 100)
-
-
-def refused(capsys, *arguments):
-    """Run a command that must fail; return its one line."""
-    try:
-        status = main([str(a) for a in arguments])
-    except SystemExit as stop:  # argparse ends the program itself
-        status = stop.code
-    assert status == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("error: ")
-    assert said.err.count("\n") == 1
-    assert "Traceback" not in said.err
-    return said.err
 
 
 @pytest.mark.parametrize(

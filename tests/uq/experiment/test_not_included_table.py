@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.laboratory_runs import quantities
+from tests.helpers.laboratory_files import quantities
 from uq.experiment.experiment import Experiment
 from uq.experiment.not_included_table import NotIncludedTable
 from uq.files.document import ExperimentError

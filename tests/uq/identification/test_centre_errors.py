@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
 from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_files import document, source, write
 from tests.helpers.laboratory_mechanics import GRAVITY, MASS, R_CG
-from tests.helpers.laboratory_runs import document, source, write
 from uq.experiment.experiment import Experiment
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import load_centre

@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
 from identify.static.centre_result import Centre
+from tests.helpers.commands import SHORT, refused
 from tests.helpers.recordings import Signals, declare, write
 from tests.helpers.tare_lab import FIXTURE, WHOLE, experiment_of
-from tests.uq.cli.test_commands import SHORT
-from tests.uq.identification.test_static_centre import refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

@@ -20,7 +20,7 @@ from identify.results.contributions import Effect, NotIncluded
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise, decimals, fixed
 from tests.helpers.browser import Reader, drawn
-from tests.uq.experiment.test_report_table import FULL, T1
+from tests.helpers.report_tables import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal, of_tensor
 from uq.experiment.conformity import Conformity, decide

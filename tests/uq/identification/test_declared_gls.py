@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.helpers.laboratory import FULL_SCALE, measure
-from tests.helpers.laboratory_runs import document, identified, identified_files, run_of, source
+from tests.helpers.laboratory_files import document, identified_files, source
+from tests.helpers.laboratory_runs import identified, run_of
 from uq.experiment.experiment import Experiment
 from uq.identification.systematic_errors import estimate, problem_of, with_declared_sources
 from uq.sources.constant_errors import no_errors

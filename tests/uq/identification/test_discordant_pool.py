@@ -10,7 +10,7 @@ from identify.results.discordance import discordant_runs
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.laboratory import measure
-from tests.helpers.laboratory_runs import document, identified_files, write
+from tests.helpers.laboratory_files import document, identified_files, write
 from uq.cli.main import main
 from uq.files.toml_text import toml_text
 from uq.report.certificate.certificate import Certificate

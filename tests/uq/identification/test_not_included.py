@@ -12,7 +12,8 @@ import pytest
 from identify import identification
 from identify.results.contributions import Effect, NotIncluded
 from tests.helpers.laboratory import Setup, cell_reading, measure
-from tests.helpers.laboratory_runs import document, identified, identified_files, run_of, source
+from tests.helpers.laboratory_files import document, identified_files, source
+from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
 from uq.identification.not_included import with_not_included

@@ -12,10 +12,12 @@ from identify.static.centre import centre
 from identify.static.centre_result import PARAMETERS
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from tests.helpers.commands import refused
 from tests.helpers.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, wrench_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
+
 
 ROOT = Path(__file__).parents[3]
 POSES = ROOT.parent / "shared" / "data" / "poses" / "calibration_poses.csv"
@@ -129,15 +131,6 @@ def test_the_result_shows_itself(generator):
     assert "centre of gravity, mm" in repr(found)
     assert "<table>" in found._repr_html_()
     assert set(found.to_dict()) >= {"mass", "cg", "offsets", "covariance", "parameters", "units", "residual"}
-
-
-def refused(capsys, *arguments):
-    assert main([str(a) for a in arguments]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("error: ")
-    assert said.err.count("\n") == 1
-    return said.err
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.helpers.laboratory import measure
-from tests.helpers.laboratory_runs import document, write
+from tests.helpers.laboratory_files import document, write
 from tests.helpers.result_schema import contradictions
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment

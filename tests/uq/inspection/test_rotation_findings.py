@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.helpers.laboratory import measure
-from tests.helpers.laboratory_runs import document, write
+from tests.helpers.laboratory_files import document, write
 from tests.helpers.spoiled_runs import T1, declared, sensors
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files

@@ -8,8 +8,8 @@ import pytest
 
 from tests.helpers.adjustable_lab import widget_page
 from tests.helpers.driven_browser import Browser, needs_chromium
+from tests.helpers.law_sources import LINKED, SOURCES
 from tests.helpers.source_lab import experiment, source
-from tests.uq.propagation.test_experiment_law import LINKED, SOURCES
 from uq.propagation.adjustable_law import LEVELS, parts_of
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.collections import PathCollection
 
 from identify.floating_point import MESSAGE, PrecisionWarning
+from tests.helpers.law_sources import LINKED, SOURCES
 from tests.helpers.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -22,6 +23,7 @@ from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_validation import rejected, validate_law, verdicts
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT
+
 
 ROUNDING = 1e-12
 """kg·m²; what is zero to the law and rounding to the Monte Carlo."""
@@ -166,31 +168,6 @@ def test_the_textbooks_law_is_blind_where_the_effect_is_quadratic(prepared):
 
 
 # --- other sources ---
-
-SOURCES = [
-    source("F_noise", "F", "precision", sigma=["0.3 N"] * 3),
-    source("M_noise", "M", "precision", sigma=["0.02 N*m"] * 3, correlation=[[1, 0.6, 0], [0.6, 1, 0], [0, 0, 1]]),
-    source("M_rounding", "M", "quantisation", step=["0.001 N*m"] * 3),
-    source("gyro_noise", "omega", "precision", sigma=["2e-3 rad/s", "3e-3 rad/s", "1e-3 rad/s"]),
-    source("F_offset", "F", "bias", distribution="rectangular", half_width=["1 N"] * 3),
-    source("F_scale", "F", "scale", sigma=["0.3 %"] * 3),
-    source("M_scale", "M", "scale", sigma=["0.3 %"] * 3),
-    source("cross_talk", "wrench", "cross_talk", datasheet="±0.5 % FS", full_scale=["300 N"] * 3 + ["20 N*m"] * 3),
-    source("cell_turn", "wrench", "misalignment", sigma=["0.2 deg"] * 3),
-    source("M_drift", "M", "drift", sigma=["0.5 N*m/min"] * 3),
-    source("gyro_offset", "omega", "bias", sigma=["5e-3 rad/s"] * 3),
-    source("gyro_scale", "omega", "scale", sigma=["0.3 %"] * 3),
-    source("gyro_turn", "omega", "misalignment", distribution="triangular", half_width=["0.5 deg"] * 3),
-    source("gyro_drift", "omega", "drift", sigma=["1 deg/s/min"] * 3),
-    source("delay", "omega", "delay", mean="1 ms", sigma="0.5 ms"),
-    source("gravity", "gravity", "bias", sigma="0.01 m/s^2"),
-    source("cg_height", "r_cg_from_omb", "bias", sigma=["1 mm"] * 3),
-    source("tilt", "tilt", "bias", sigma=["0.1 deg"] * 3),
-    source("buoyancy", "displaced_air", "bias", mean="3 g", sigma="0.5 g", centre_from_cg=["0 mm", "0 mm", "-5 mm"]),
-    source("air", "entrained_air", "bias", mean="4 g", sigma="1 g", centre_from_cg=["0 mm", "0 mm", "-5 mm"],
-           radii_of_gyration=["150 mm", "40 mm", "150 mm"]),
-]  # fmt: skip
-LINKED = [{"sources": ["F_scale", "M_scale"], "coefficient": 0.9}]
 
 
 def agree(sources, links, trials, cases, estimators=("central", "smoothed")):

@@ -14,8 +14,8 @@ from rig.channels import ImuChannel
 from rig.mcap import cdr_encode
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
 from rig.mcap.writer import new_writer, register
+from tests.helpers.commands import refused
 from tests.helpers.recordings import Signals, declare, write
-from tests.uq.cli.test_commands import refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.identification.identify_files import identify_files

@@ -9,8 +9,8 @@ import tomllib
 import pytest
 
 from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium
+from tests.helpers.report_tables import FULL, T1
 from tests.helpers.small_campaign import campaign, paper_result
-from tests.uq.experiment.test_report_table import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from identify.motion.leg_limits import effort, peaks, platform_motion
+from tests.helpers.platform_experiment import on_a_platform
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.motion_design.design_goal import GOALS, goal_of, principal_slope
@@ -21,15 +22,6 @@ from uq.motion_design.hexapod.reference_trajectory import differentiator, scaled
 from uq.motion_design.hexapod.rig_limits import efforts, largest_size, resolved_limits, uses
 from uq.motion_design.hexapod.search_starts import attenuation
 from uq.propagation.prediction import predicted
-
-PLATFORM = {"gravity": "9.81 m/s^2", "r_cg_from_omb": ["0 m", "0 m", "0.11 m"], "geometry": "assumed-source-size"}
-
-
-def on_a_platform(preset, limits, **changes):
-    """The preset on six legs, T1 shortened to 20 s with two precessions."""
-    t1 = preset.document["trajectory"]["T1"] | {"duration": "20 s", "ramp": "3 s", "precessions": 2}
-    document = preset.document | {"platform": PLATFORM | {"limits": limits}, "trajectory": {"T1": t1}}
-    return Experiment.from_dict(document | changes)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,64 @@
+"""Runs from files before the judge: declared errors are no news, a turned load cell and the end of a range are said."""
+
+import numpy as np
+import pytest
+
+from identify.rigid_body.inertia import COMPONENTS
+from tests.helpers.laboratory import FULL_SCALE, measure
+from tests.helpers.laboratory_files import identified_files, source
+from tests.helpers.laboratory_runs import identified
+from tests.helpers.troubles import TROUBLES
+
+SHORT = {"seconds": 15.0}
+
+
+@pytest.mark.parametrize(("clipped", "named"), [(0.0, False), (0.1, True)])
+def test_the_end_of_a_sensors_range_is_said_of_a_file(tmp_path, clipped, named):
+    """Stamps of a file are rounded, so that samples of one value differ by 1e-7 of the range."""
+    measured = measure(0, **TROUBLES["clipping"].options(clipped, 0), **SHORT)
+    causes = {verdict.cause for verdict in identified_files(measured, tmp_path).consistency}
+    assert ("saturation" in causes) == named
+
+
+def test_a_declared_error_is_no_news(tmp_path, few_draws):
+    talk = 5e-3 * np.random.default_rng(3).standard_normal((6, 6)) * (1 - np.eye(6))
+    measured = measure(1, cross_talk=talk * FULL_SCALE[:, None] / FULL_SCALE, **SHORT)
+    undeclared = identified_files(measured, tmp_path, "source")
+    declared = identified_files(measured, tmp_path, "source", [source("c", "wrench", "cross_talk", 5e-3)])
+    assert undeclared.consistency[0].cause == "cross-talk"
+    assert declared.consistency == ()
+    assert "model misfit" in undeclared.budget
+    assert "model misfit" not in declared.budget
+    total = np.sqrt(sum(np.square(row) for row in undeclared.budget.values()))
+    np.testing.assert_allclose(total, undeclared.standard_uncertainty, rtol=1e-3)
+
+
+@pytest.mark.parametrize("method", [pytest.param("source", marks=pytest.mark.study), "joint"])
+@pytest.mark.parametrize(
+    ("error", "target", "kind", "size"),
+    [
+        ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
+        pytest.param({"imu_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3, marks=pytest.mark.study),
+    ],
+)
+def test_a_declared_turn_or_delay_of_the_imu_is_no_news(tmp_path, few_draws, method, error, target, kind, size):
+    measured = measure(4, **error, **SHORT)
+    result = identified_files(measured, tmp_path, method, [source("declared", target, kind, size)])
+    assert result.consistency == ()
+    assert not [text for text in result.warnings if "run0" in text]
+    assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
+
+
+def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_path):
+    """The motion cannot tell whether IMU or load cell is turned; the tensor in the load cell's axes is what is given."""
+    turn = np.array([2e-3, -4e-3, 3e-3])
+    measured = measure(3, cell_turn=tuple(turn), **SHORT)
+    result = identified(measured, "joint")
+    first = result.warnings[0]
+    assert "were it the load cell's" in first
+    error = 1e3 * (measured.truth - result.inertia)[COMPONENTS.index(first.split("load cell's, ")[1][:3])]
+    told = float(first.split("would be ")[1].split()[0].replace("−", "-"))
+    assert told == pytest.approx(error, abs=0.15)
+    declared = identified_files(measured, tmp_path, "joint", [source("axes", "wrench", "misalignment", [4e-3] * 3)])
+    assert declared.warnings == ()
+    assert (np.abs(declared.inertia - measured.truth) < np.ptp(declared.interval95, axis=1)).all()

@@ -1,0 +1,89 @@
+"""Type A of pooled runs of a rig, and what a user can do wrong with mountings."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from identify.identification import identify
+from identify.signals.run import RunError
+from tests.helpers.equal_runs import OWN, pooled
+from uq.campaign.simulation import simulate
+from uq.cli.main import main
+from uq.experiment.experiment import Experiment
+from uq.files.document import ExperimentError
+from uq.identification.run_scatter import pooled_scatter_verdict
+from uq.identification.systematic_errors import with_declared_sources
+from uq.recorded.mounting import labelled, names
+from uq.sources.source import Source
+
+
+def test_runs_of_a_rig_scatter_by_mounting(short, unjudged):
+    """A centre of gravity that is another in each mounting shows between them, and is not taken for the runs' own."""
+    short = dataclasses.replace(short, inertia=np.array([0.38, 0.0, 0.0, 0.25, 0.0, 0.35]))  # far from what no body has
+    sources = [dataclasses.replace(s, sigma=0.5 * s.sigma) for s in short.sources if s.kind == "precision"]
+    clean = simulate(dataclasses.replace(short, sources=()), "T2").run
+    rng, sigma, runs = np.random.default_rng(7), {s.name: s.sigma for s in sources}, []
+    for mounting, shift in zip("ABC", rng.normal(0, 4e-3, (3, 3)), strict=True):
+        for _ in range(2):
+            noise = [sigma[f"{of}_precision"] * rng.standard_normal(clean.omega.shape) for of in ("F", "M", "omega")]
+            moment = clean.moment + np.cross(shift, clean.force) + noise[1]
+            runs.append(dataclasses.replace(
+                clean, force=clean.force + noise[0], moment=moment, omega=clean.omega + noise[2], mounting=mounting,
+            ))  # fmt: skip
+    result = identify(runs, r_cg=short.r_cg_from_q, sigma_r_cg=[4e-3] * 3, estimator=short.estimator("smoothed"))
+    pooling = result.pooling
+    assert pooling.between_mountings[0] > 2 * pooling.between_runs[0] / np.sqrt(2)
+    assert (np.abs(result.inertia - short.inertia) < 2 * pooling.half_width).all()
+    assert [run["mounting"] for run in result.to_dict()["runs"]] == list("AABBCC")
+    centre = Source("r_cg", "r_cg", "bias", "cg", np.full(3, 4e-3))
+    declared = dataclasses.replace(short, sources=(centre,))
+    common = with_declared_sources(result, runs, declared, trials=2000)
+    varying = with_declared_sources(result, runs, declared, redrawn=["r_cg"], trials=2000)
+    # drawn anew by three mountings its variance is a third, and the scatter holds it already
+    np.testing.assert_allclose(
+        varying.pooling.from_redrawn_sources[0], common.budget["r_cg"][0] / np.sqrt(3), rtol=0.05
+    )
+    assert varying.standard_uncertainty[0] < common.standard_uncertainty[0]
+    np.testing.assert_allclose(
+        varying.standard_uncertainty[0],
+        max(pooling.from_scatter[0], varying.pooling.predicted_standard_uncertainty[0]),
+        rtol=0.01,
+    )
+
+
+def test_scatter_beyond_the_residuals_is_said(generator):
+    _, as_predicted = pooled(OWN * generator.normal(0, 1, (8, 6)), [None] * 8)
+    _, wider = pooled(OWN * generator.normal(0, 6, (8, 6)), [None] * 8)
+    assert pooled_scatter_verdict(as_predicted).describes
+    assert "more than it predicts" in pooled_scatter_verdict(wider).text
+    assert pooled_scatter_verdict(dataclasses.replace(wider, residual_degrees_of_freedom=np.full(6, 20.0))) is None
+    assert pooled_scatter_verdict(pooled(np.ones((1, 6)), [None])[1]) is None
+
+
+@pytest.mark.parametrize("wrong", ["r_cg", [1], [""], 3])
+def test_names_of_sources_drawn_by_mounting_are_a_list(preset, wrong):
+    document = dict(preset.document) | {"recording": {"drawn_by_mounting": wrong}}
+    with pytest.raises(ExperimentError, match=r"drawn_by_mounting is .*: write a list of names of"):
+        Experiment.from_dict(document)
+
+
+def test_the_command_says_what_is_wrong_with_mountings(tmp_path, capsys):
+    for text, words in (("A,B", "names 2 mountings for 1 runs"), ("A,,", "is 'A,,': give a name for each run")):
+        arguments = ["identify", "run.mcap", "--experiment", "barreto2016", "--mounting", text]
+        assert main([*arguments, "--out", str(tmp_path / "out")]) == 2
+        assert words in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
+
+
+def test_names_of_mountings_are_checked(short):
+    run = simulate(dataclasses.replace(short, sources=()), "T1").run
+    assert names(" A, B ,A") == ("A", "B", "A")
+    with pytest.raises(RunError, match="--mounting is 'A,,B': give a name for each run"):
+        names("A,,B")
+    with pytest.raises(RunError, match="--mounting names 2 mountings for 1 runs: give one name a run"):
+        labelled([run], ("A", "B"))
+    other = dataclasses.replace(run, mounting="A")
+    with pytest.raises(RunError, match="simulated T1 does not name its mounting, others do: name one for every run"):
+        labelled([run, other], None)
+    assert [labelled_run.mounting for labelled_run in labelled([run, other], ("B", "C"))] == ["B", "C"]
