@@ -7,8 +7,9 @@ RUN := .venv-run
 UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
+TESTS ?= not study and not slow
 
-.PHONY: env paper test check unit optimised axe bench study docs fuzz lock dist clean
+.PHONY: env paper test test-all check unit axe bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -35,7 +36,11 @@ $(ENV)/.ready $(RUN)/.ready: $(UV) pyproject.toml
 
 # Lint, types, direction of imports, tests, notebooks: side by side, since some tests wait for clocks.
 test: env
-	$(MAKE) --no-print-directory --jobs 3 check unit optimised
+	$(MAKE) --no-print-directory --jobs 2 check unit
+
+# The same with the slow tests, repeats for statistics above all: whatever is no study.
+test-all: export TESTS = not study
+test-all: test
 
 check: env
 	$(BIN)/ruff check .
@@ -43,22 +48,14 @@ check: env
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Most of a test's time is compilation, so the compiler takes its short ways here; not so for the few tests marked
-# `optimised`, whose bits depend on it. Plain `pytest` and `make study` compile as users do. What is compiled is kept for
-# the next run, bytecode too. Matrices are small here: two threads of BLAS would wait for each other. A file's tests run in
-# one worker, which makes once what they share; the notebooks, the longest, start first.
-unit optimised: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
-unit optimised: export OPENBLAS_NUM_THREADS = 1
-unit optimised: export PYTHONDONTWRITEBYTECODE =
-unit: export XLA_FLAGS = --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false \
-    --xla_llvm_disable_expensive_passes=true --xla_cpu_parallel_codegen_split_count=1
-
+# What is compiled is kept for the next run, in a folder of the tests' own, bytecode too. Matrices are small here: two
+# threads of BLAS would wait for each other. A file's tests run in one worker, which makes once what they share; the
+# notebooks, the longest, start first.
+unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
+unit: export OPENBLAS_NUM_THREADS = 1
+unit: export PYTHONDONTWRITEBYTECODE =
 unit: env
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
-	    -m "not study and not optimised" notebooks tests
-
-optimised: env
-	$(BIN)/python -m pytest -m optimised $$(grep -rl "mark.optimised" tests)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(TESTS)" notebooks tests
 
 # The pages judged by axe-core, which is fetched by npm for this alone; needs Chromium (Debian: apt-get install chromium).
 axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js

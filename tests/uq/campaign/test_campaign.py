@@ -205,7 +205,6 @@ def test_float32_draws_agree_with_float64_in_distribution(brief):
     np.testing.assert_allclose(one.std(0), two.std(0), rtol=5 / np.sqrt(trials), atol=1e-9)
 
 
-@pytest.mark.optimised
 def test_draws_are_bit_identical_in_any_batch(brief):
     source, key = brief.sources[0], jax.random.key(7)
     draw = lambda index, block: draw_block(source, key, index, block, jnp.dtype("float32"))  # noqa: E731

@@ -31,6 +31,8 @@ from uq.motion_design.hexapod.designed_experiment import designed_files, traject
 from uq.motion_design.hexapod.rig_limits import efforts, uses
 from uq.report.figures.platform_scene import cuboid
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 SECONDS = 20.0
 BOUND = DesignBound(1e-3, 0.5e-3, ("ramps take no time",))
 

@@ -11,6 +11,8 @@ import uq.cli.identify as command_module
 from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 BODY = """
 name = "steel bar"
 mass = { value = "19.7 kg", tolerance = "10 g" }

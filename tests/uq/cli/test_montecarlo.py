@@ -10,6 +10,8 @@ from uq.cli import montecarlo as command
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 PRESET = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
 SHORT = PRESET.replace("180 s", "3 s").replace("27 s", "0.45 s")
 HEAD, *SOURCES = SHORT.split("[[source]]")

@@ -18,6 +18,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
 ROOT = Path(__file__).parents[3]
 POSES = ROOT.parent / "shared" / "data" / "poses" / "calibration_poses.csv"

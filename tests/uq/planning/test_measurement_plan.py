@@ -14,6 +14,8 @@ from uq.planning.required_duration import average, lasting
 from uq.report.tables.planning import signed_tenth
 from uq.sources.distributions import Normal
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 FILE = "docs/experiments/t1-10s.toml"
 
 

@@ -18,6 +18,8 @@ from uq.files.schema import declared_table
 from uq.files.toml_text import toml_text
 from uq.planning.pose_plan import COLUMNS, DECLARATION, plan_poses
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 MASS, R_CG, G = 19.7, np.array([0.01, -0.02, 0.053]), 9.81
 NOISE = np.array([0.2, 0.2, 0.4, 0.015, 0.02, 0.02])
 LIMITS = {"length": ["0.55 m", "0.64 m"], "force": "120 N"}

@@ -24,6 +24,7 @@ from uq.propagation.law_validation import rejected, validate_law, verdicts
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
 ROUNDING = 1e-12
 """kg·m²; what is zero to the law and rounding to the Monte Carlo."""

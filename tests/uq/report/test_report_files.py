@@ -32,11 +32,8 @@ def result(request):
 
 
 @pytest.fixture(scope="module")
-def html(result, rendered_once):
-    """With every figure rendered itself, for what is said of the page's size."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uq.report.page.rendered", rendered_once)
-        return report(result)
+def html(result):
+    return report(result)
 
 
 def test_page_is_well_formed_and_loads_nothing(html):

@@ -29,6 +29,8 @@ from uq.sources.source import Source
 from uq.trials.engine import run_trials
 from uq.trials.trial_loop import all_trials
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 LINEAR = ("F_precision", "F_bias", "M_precision", "M_bias", "r_cg")
 
 
@@ -373,7 +375,7 @@ def test_figures_show_every_source(result):
     assert len(result.figures()["budget"].axes[1].patches) == 4
 
 
-def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys, every_picture):
+def test_the_command_adds_the_budget_to_the_report(tmp_path, capsys):
     changed = document()
     changed["trajectory"] = {"T1": changed["trajectory"]["T1"]}
     changed["source"] = [s for s in changed["source"] if s["name"] in ("M_bias", "r_cg")]

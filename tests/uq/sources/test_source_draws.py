@@ -74,7 +74,6 @@ def test_draws_from_a_file_of_samples(tmp_path):
     assert np.abs(back[:, None] - 1e3 * rows[None]).sum(2).min(axis=1).max() < 1e-8
 
 
-@pytest.mark.optimised
 @pytest.mark.parametrize("drawn", [drawn_by_key, drawn_at_points])
 def test_correlated_sources_have_the_declared_correlation(drawn):
     own = [[1, 0.5, -0.2], [0.5, 1, 0], [-0.2, 0, 1]]

@@ -1,14 +1,12 @@
 """What a command writes depends on what it is asked alone."""
 
 import matplotlib
-import pytest
 
 from tests.helpers.small_campaign import campaign
 from uq.report.report_files import files
 from uq.terminal.common import finish
 
 
-@pytest.mark.usefixtures("every_picture")
 def test_figures_of_a_command_follow_no_settings_of_the_working_folder(tmp_path):
     """A matplotlibrc there sets what is set here; in Python, the figures follow it."""
     result = campaign(1, ("T1",))

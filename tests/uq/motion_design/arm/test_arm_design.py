@@ -29,6 +29,8 @@ from uq.motion_design.arm.largest_motion import largest_size
 from uq.motion_design.arm.mujoco_run import simulated
 from uq.motion_design.arm.predicted_payload import average_expanded
 
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+
 pytest.importorskip("mujoco")
 pinocchio = pytest.importorskip("pinocchio")
 
