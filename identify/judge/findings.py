@@ -1,11 +1,12 @@
-"""All that a result's judge may name: what a run looks as if, with its size, and the cure.
+"""All that the judge of a run may name: what the run looks as if, with its size, and the cure.
 
 The members of :class:`Finding` are the messages, for terminal, ``result.json`` (``consistency``) and
-docs/explanation/troubles.md alike.
+docs/explanation/troubles.md alike. Members of one label are variants of one finding.
 """
 
 from collections.abc import Callable
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -64,6 +65,18 @@ def _lateness(values: np.ndarray, spread: np.ndarray) -> str:
     if (values < 0).all():
         return f"the IMU came late by {_all(-1e3, 'ms')(values, spread)} against force and moment"
     return f"force and moment came late by {_all(1e3, 'ms')(values, spread)}"
+
+
+CHANNELS = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
+
+
+class Contradiction(NamedTuple):
+    """One suspicion against what is declared of a recording: what, on which topic, and what to do."""
+
+    kind: str
+    """Label of :class:`Finding`."""
+    topic: str
+    text: str
 
 
 class Finding(Enum):
@@ -151,6 +164,73 @@ class Finding(Enum):
     )  # fmt: skip
     REPEATABILITY = "repeatability", "the runs scatter otherwise than their residuals predict", _none, ""
 
+    ACCELERATION_IN_G = (
+        "unit", "acceleration is {median:.3f} in the median: it is probably in g, not m/s^2 (times 9.80665)", _none,
+        'set acceleration_unit = "g" in [recording]',
+    )  # fmt: skip
+    GYRO_IN_DEGREES = (
+        "unit", "the gyro turns {ratio:.0f} times faster than gravity does: it is probably in deg/s", _none,
+        'set angular_velocity_unit = "deg/s" in [recording]',
+    )  # fmt: skip
+    FORCE_UNIT = (
+        "unit", "the force is the weight of {weighs} kg, the declared mass is {stated} kg", _none,
+        'force in {unit}? set force_unit = "{unit}" in [recording]',
+    )  # fmt: skip
+    MOMENT_OF_AIR = (
+        "unit", "the moments are those of a body of {density} kg/m^3, lighter than air", _none,
+        'in N·mm? set moment_unit = "N*mm" in [recording]',
+    )  # fmt: skip
+    MOMENT_UNIT = (
+        "unit", "force and moment put the centre of gravity {times} times as far from Q as declared", _none,
+        'set moment_unit = "{unit}" in [recording]',
+    )  # fmt: skip
+    WRENCH_REVERSED = (
+        "sign", "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor",
+        _none, 'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
+    )  # fmt: skip
+    ACCELEROMETER_AXES = (
+        "axes", "gravity turns as the gyro says only if the accelerometer's axes are the gyro's ({axes})", _none,
+        "swapped axes",
+    )  # fmt: skip
+    OTHER_AXES = (
+        "axes", "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's "
+        "x, y, z are the IMU's ({axes}){doubt}", _none, "set {lines} in [recording]",
+    )  # fmt: skip
+    IMU_MIRRORED = (
+        "mirror", "the IMU's axes are left-handed: only ({axes}) of them fit the wrench", _none, CHANNELS,
+    )  # fmt: skip
+    IMU_MIRRORED_AND_TURNED = (
+        "mirror", "the IMU's axes are left-handed, and only a turn of the IMU's axes into the load cell's by {turn} "
+        "fits gravity and the motion in both", _none, CHANNELS,
+    )  # fmt: skip
+    WRENCH_MIRRORED = (
+        "mirror", "the load cell's axes are left-handed, or its sign is reversed and its axes turned", _none,
+        'both are undone by wrench = "on_sensor" (the other one where it is declared) and wrench_rotation_to_body = '
+        "{axes} in [recording]",
+    )  # fmt: skip
+    TURNED = (
+        "turned", "only a turn of the IMU's axes into the load cell's by {turn} fits gravity and the motion in both"
+        "{sign}", _none, "set {lines} in [recording]",
+    )  # fmt: skip
+    TURNED_A_LITTLE = (
+        "turned", "only a turn of the IMU's axes into the load cell's by {turn} fits both, or its stamps are late",
+        _none, "set {lines} in [recording], or correct the clock",
+    )  # fmt: skip
+    WEIGHT_MISSING = "weight", "the force is the weight of {mass} kg, far less than that of {body}", _none, "{lines}"
+    WEIGHT_PARTLY_MISSING = (
+        "weight", "the force changes as that of some {mass} kg, but {share:.0%} of its weight is missing throughout",
+        _none, "{lines}",
+    )  # fmt: skip
+    WEIGHT_OF_ANOTHER_MASS = (
+        "mass", "the force is the weight of {weighs} kg, the declared mass is {stated} kg", _none,
+        "correct body.mass, force_unit or the load cell's calibration",
+    )  # fmt: skip
+    OTHER_POINT = (
+        "point", "force and moment put the centre of gravity {distance:.1f} mm from the declared one", _none,
+        "moment taken at another point than Q? set wrench_point = [{where}] in [recording]{unknown}, or correct "
+        "body.r_cg_from_q",
+    )  # fmt: skip
+
     def __init__(self, label: str, pattern: str, size: Size, cure: str) -> None:
         """Name the parts of the member's value."""
         self.label, self.pattern, self.size, self.cure = label, pattern, size, cure
@@ -171,3 +251,7 @@ class Finding(Enum):
         """
         text = f"{run}: {self.pattern.format(axis=axis, **figures)} ({self.label}); {self.cure}{adds}"
         return ResidualCause(cause=self.label, axis=axis, share=share, text=text, run=run)
+
+    def on(self, topic: str, **figures: object) -> Contradiction:
+        """Return the finding on what is declared of a recording, with the figures that pattern and cure name."""
+        return Contradiction(self.label, topic, f"{self.pattern}: {self.cure}".format(**figures))

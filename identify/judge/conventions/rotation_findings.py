@@ -8,6 +8,7 @@ from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS,
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums
 from identify.judge.conventions.conventions import DECISIVE, Scales, chi_square
 from identify.judge.conventions.free_rotation import FreeRotation, free_rotation
+from identify.judge.findings import Contradiction, Finding
 from identify.rounding import fixed, with_uncertainty
 
 LEAST_TURN = np.radians(0.5)
@@ -66,25 +67,19 @@ def _changes(sums: ConventionSums, columns: slice) -> float:
     return float(np.trace(sums.covariance(columns))) / 3
 
 
-def rotation_text(rotation: FreeRotation, topic: str, cure: str) -> tuple[str, str, str]:
-    """Return kind, topic and text of the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure."""
+def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradiction:
+    """Return the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure."""
     vector = rotation.vector
     x, y, z = vector / max(float(np.linalg.norm(vector)), 1e-12)
     angle, u = np.degrees([float(np.linalg.norm(vector)), COVERAGE * rotation.standard_uncertainty])
-    turned = "only a turn of the IMU's axes into the load cell's by"
     about = ", ".join(fixed(part, 2) for part in (x, y, z))
-    text = f"{turned} {with_uncertainty(angle, u)} deg about ({about}) fits gravity and the motion in both"
+    turn = f"{with_uncertainty(angle, u)} deg about ({about})"
     if np.array_equal(rotation.reversed.matrix, np.eye(3)):
-        return "turned", topic, f"{text}: set {cure} in [recording]"
+        return Finding.TURNED.on(topic, turn=turn, sign="", lines=cure)
     if rotation.reversed.sensor == "wrench":
-        sign = 'wrench = "on_sensor" ("on_body" where it says so already)'
-        return (
-            "turned",
-            topic,
-            f"{text}, and force and moment have the reversed sign: set {sign} and {cure} in [recording]",
-        )
-    where = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
-    return "mirror", topic, f"the IMU's axes are left-handed, and {text}: {where}"
+        lines = f'wrench = "on_sensor" ("on_body" where it says so already) and {cure}'
+        return Finding.TURNED.on(topic, turn=turn, sign=", and force and moment have the reversed sign", lines=lines)
+    return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
 
 
 def small_turn_text(turn: Float[np.ndarray, "3"], hessian: Matrix) -> str:

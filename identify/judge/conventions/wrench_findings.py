@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.contradiction import Contradiction
 from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, OFFSET_AT, CentreFit
 from identify.judge.conventions.convention_sums import (
     ALPHA,
@@ -44,9 +43,10 @@ from identify.judge.conventions.rotation_findings import (
     compound,
     explains,
     oblique_rotation,
-    rotation_text,
+    rotation_finding,
     small_turn_text,
 )
+from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 
@@ -127,8 +127,9 @@ class _Examination:
         if weight.missing:
             mass = self.declared.mass
             body = "a body with such moments" if mass is None else f"the declared {significant(mass)} kg"
-            reason = f"the force is the weight of {significant(weight.mass, 2)} kg, far less than that of {body}"
-            yield Contradiction("weight", self.wrench, f"{reason}: {self._weight_cure(given)}")
+            yield Finding.WEIGHT_MISSING.on(
+                self.wrench, mass=significant(weight.mass, 2), body=body, lines=self._weight_cure(given)
+            )
             return
         yield from self._units(weight)
         yield from self._partly_missing(given)
@@ -143,28 +144,12 @@ class _Examination:
             return
         before, self.sums = self.sums, best.applied(self.sums)
         if best.sensor == "imu":
-            yield Contradiction(
-                "mirror",
-                self.imu,
-                f"the IMU's axes are left-handed: only ({axes_text(best.matrix)[1:-1]}) of them fit the wrench: "
-                "correct order and signs of its channels where they are recorded; no rotation in [recording] can",
-            )
+            yield Finding.IMU_MIRRORED.on(self.imu, axes=axes_text(best.matrix)[1:-1])
         elif np.array_equal(best.matrix, -np.eye(3)):
-            yield Contradiction(
-                "sign",
-                self.wrench,
-                "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor: "
-                'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
-            )
+            yield Finding.WRENCH_REVERSED.on(self.wrench)
         elif np.linalg.det(best.matrix) < 0:
-            turn = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
-            yield Contradiction(
-                "mirror",
-                self.wrench,
-                "the load cell's axes are left-handed, or its sign is reversed and its axes turned: both are undone by "
-                f'wrench = "on_sensor" (the other one where it is declared) and wrench_rotation_to_body = {turn} in '
-                "[recording]",
-            )
+            axes = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
+            yield Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes)
         else:
             yield self._turned_axes(before, fits)
 
@@ -173,7 +158,7 @@ class _Examination:
         before, undone = rotation.reversed.applied(self.sums), rotation.matrix.T
         sensor, cure = self._rotation_cure(before, undone)
         self.sums = before.turned(wrench=undone) if sensor == "wrench" else before.turned(imu=rotation.matrix)
-        return Contradiction(*rotation_text(rotation, self._topic(sensor), cure))
+        return rotation_finding(rotation, self._topic(sensor), cure)
 
     def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
         """The sensor that is turned, where that is decided, and the line or lines that undo it."""
@@ -191,12 +176,8 @@ class _Examination:
         sensor, cure = self._rotation_cure(before, matrix)
         others = [axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
         doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
-        return Contradiction(
-            "axes",
-            self._topic(sensor),
-            "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
-            f"are the IMU's ({axes_text(matrix.T)[1:-1]}){doubt}: set {cure} in [recording]",
-        )
+        axes = axes_text(matrix.T)[1:-1]
+        return Finding.OTHER_AXES.on(self._topic(sensor), axes=axes, doubt=doubt, lines=cure)
 
     def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
         """Return the sensor that is turned, by the declared centre of gravity; '' where that does not decide."""
@@ -232,11 +213,8 @@ class _Examination:
         mean = self.sums.mean(SPECIFIC)
         share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
         if not self.sums.tilts and mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
-            yield Contradiction(
-                "weight",
-                self.wrench,
-                f"the force changes as that of some {significant(mass, 2)} kg, but {share:.0%} of its weight is "
-                f"missing throughout: {self._weight_cure(given)}",
+            yield Finding.WEIGHT_PARTLY_MISSING.on(
+                self.wrench, mass=significant(mass, 2), share=share, lines=self._weight_cure(given)
             )
 
     # Units
@@ -246,12 +224,7 @@ class _Examination:
         before = self.sums
         if weight.too_light(before):
             self.sums = self.sums.scaled(MOMENT, MOMENT_UNITS["N*mm"])
-            yield Contradiction(
-                "unit",
-                self.wrench,
-                f"the moments are those of a body of {significant(weight.density(before), 2)} kg/m^3, "
-                'lighter than air: in N·mm? set moment_unit = "N*mm" in [recording]',
-            )
+            yield Finding.MOMENT_OF_AIR.on(self.wrench, density=significant(weight.density(before), 2))
 
     def _force_unit(self, weight: ApparentMass) -> Iterator[Contradiction]:
         mass = self.declared.mass
@@ -260,17 +233,12 @@ class _Examination:
         ratio = mass / weight.mass
         margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
         unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
-        weighs, stated = significant(weight.mass), significant(mass)
-        text = f"the force is the weight of {weighs} kg, the declared mass is {stated} kg"
+        masses = {"weighs": significant(weight.mass), "stated": significant(mass)}
         if unit is None:
-            yield Contradiction(
-                "mass", self.wrench, f"{text}: correct body.mass, force_unit or the load cell's calibration"
-            )
+            yield Finding.WEIGHT_OF_ANOTHER_MASS.on(self.wrench, **masses)
         else:
             self.sums = self.sums.scaled(FORCE, FORCE_UNITS[unit])
-            yield Contradiction(
-                "unit", self.wrench, f'{text}: force in {unit}? set force_unit = "{unit}" in [recording]'
-            )
+            yield Finding.FORCE_UNIT.on(self.wrench, unit=unit, **masses)
 
     # Small turns, and the moment's point
 
@@ -282,11 +250,8 @@ class _Examination:
             vector = small_turn_text(turn, derivatives(self.sums, given, np.zeros(3))[1])
             if sensor == "wrench":
                 self.sums = before.turned(wrench=exponential(turn).T)
-            text = f"only a turn of the IMU's axes into the load cell's by {vector} fits both, or its stamps are late"
             if self.declared.turn is None or (np.abs(turn) > 3 * self.declared.turn).any():
-                yield Contradiction(
-                    "turned", self._topic(sensor), f"{text}: set {cure} in [recording], or correct the clock"
-                )
+                yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
 
     def _centre(self, sums: ConventionSums) -> CentreFit:
         offset = ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2
@@ -329,20 +294,10 @@ class _Examination:
             return
         unit = self._moment_unit(centre, certain, chi_square)
         if unit is not None:
-            yield Contradiction(
-                "unit",
-                self.wrench,
-                f"force and moment put the centre of gravity {significant(1 / MOMENT_UNITS[unit], 4)} times as far "
-                f'from Q as declared: set moment_unit = "{unit}" in [recording]',
-            )
+            yield Finding.MOMENT_UNIT.on(self.wrench, times=significant(1 / MOMENT_UNITS[unit], 4), unit=unit)
             return
         point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
         where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
         unknown = "" if certain.all() else "; what is ? the motion does not tell"
-        yield Contradiction(
-            "point",
-            self.wrench,
-            f"force and moment put the centre of gravity {1e3 * np.linalg.norm(shift[certain]):.1f} mm from the "
-            f"declared one: moment taken at another point than Q? set wrench_point = [{where}] in [recording]"
-            f"{unknown}, or correct body.r_cg_from_q",
-        )
+        distance = 1e3 * np.linalg.norm(shift[certain])
+        yield Finding.OTHER_POINT.on(self.wrench, distance=distance, where=where, unknown=unknown)
