@@ -169,7 +169,10 @@ def _clock(run: PredictedWrench) -> Made:
 
 
 STEPS = (-0.25, 0.0, 0.25)
-"""Instants at which a sudden change is assumed, in parts of the run from its middle."""
+"""Instants at which a sudden change is assumed, in parts of the run from its middle.
+
+Choice: three, which a change between them still resembles.
+"""
 
 
 def _jump(run: PredictedWrench) -> np.ndarray:

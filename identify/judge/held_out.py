@@ -39,11 +39,20 @@ from identify.signals.residual_spectrum import spectrum
 from identify.signals.run import Run
 
 WIDER = 3
-"""Width of the noise spectrum's windows over that of the estimators' windows: a short run has few lines."""
+"""Width of the noise spectrum's windows over that of the estimators' windows.
+
+Choice: a short run has few lines.
+"""
 FEWEST = 16
-"""Lines from which a run is judged."""
+"""Lines from which a run is judged.
+
+Choice: fewer have no spectrum of their noise.
+"""
 STRETCH = 8.0
-"""Periods of the motion's highest frequency that the figure shows."""
+"""Periods of the motion's highest frequency that the figure shows.
+
+Choice: of drawing alone.
+"""
 
 
 def held_out(problem: Problem, result: Identification) -> HeldOut:

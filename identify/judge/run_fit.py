@@ -22,10 +22,20 @@ from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
 
 STEPS = 10
+"""Most steps of Gauss–Newton, the first two of which set the weights.
+
+Numerical: ``ENOUGH`` ends the search before.
+"""
 ENOUGH = 0.02
-"""Change of the unknowns, in standard uncertainties, below which they are at their best."""
+"""Change of the unknowns, in standard uncertainties, below which they are at their best.
+
+Numerical: far below what is printed.
+"""
 OVER_BAND = 1.2
-"""Highest frequency that is compared, over the motion's."""
+"""Highest frequency that is compared, over the motion's.
+
+Choice: smoothers pass it whole; above, derivatives of the motion hold the gyro's noise.
+"""
 
 
 @dataclass(frozen=True)

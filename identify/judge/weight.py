@@ -12,7 +12,10 @@ from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.run import Run
 
 WITHIN = 10.0
-"""Seconds over which a gyro keeps axes, whatever its bias."""
+"""Seconds over which a gyro keeps axes, whatever its bias.
+
+Choice: a bias of 0.02 rad/s turns them by 0.2 rad, which leaves 98 % of a mean.
+"""
 
 
 def falls(run: Run, result: Identification, problem: Problem) -> bool:

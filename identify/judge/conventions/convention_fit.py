@@ -27,7 +27,11 @@ from identify.judge.conventions.convention_sums import (
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PI_OF_FORCE
 
-LEAST_MISFIT = 0.01  # of a signal's changes: no sensor is believed to be better
+LEAST_MISFIT = 0.01
+"""Part of a signal's changes that a fit leaves at least.
+
+Choice: no sensor is believed to be better than 1 %.
+"""
 ROWS, COLUMNS = np.triu_indices(3)
 UNPACKED = unpack(np.arange(6.0)).astype(int)  # where the entries of a tensor stand among its packed ones
 
@@ -136,7 +140,11 @@ class CentreFit:
     """The projector onto the directions of r that the run does not determine."""
 
 
-LEAST_SIGNAL = 0.5  # part of the force's changes that must be more than its noise, for a direction of r to count
+LEAST_SIGNAL = 0.5
+"""Part of the force's changes that must be more than its noise, for a direction of r to count.
+
+Choice: half, where the correction for noise doubles the variance.
+"""
 
 
 def fit_centre(sums: ConventionSums, *, force: Float[np.ndarray, "3"], moment: float, offset: float) -> CentreFit:

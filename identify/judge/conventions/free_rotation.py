@@ -11,15 +11,43 @@ from jaxtyping import Float
 
 from identify.judge.conventions.convention_fit import MOMENT_TERMS, Terms
 from identify.judge.conventions.convention_sums import ConventionSums
-from identify.judge.conventions.conventions import Hypothesis, Scales, chi_square, derivatives, scales, signed_axes
+from identify.judge.conventions.conventions import (
+    COSTS,
+    Hypothesis,
+    Scales,
+    chi_square,
+    derivatives,
+    scales,
+    signed_axes,
+)
 from identify.rigid_body.rotation import exponential
 
-BETWEEN = np.radians(35.0)  # from a signed order of the axes to the grid's points about it
-STARTS = 4  # points of the grid from which Newton's method is tried
-CONVERGED = 1e-5  # radians
-LONGEST_STEP = 0.3  # radians
+BETWEEN = np.radians(35.0)
+"""Angle from a signed order of the axes to the grid's points about it [rad].
+
+Numerical: between neighbouring orders, which are 90° apart.
+"""
+STARTS = 4
+"""Points of the grid from which Newton's method is tried.
+
+Numerical: the best of them is the answer.
+"""
+CONVERGED = 1e-5
+"""Step of Newton's method that is the last [rad].
+
+Numerical: far below a printed digit.
+"""
+LONGEST_STEP = 0.3
+"""Longest step of Newton's method [rad].
+
+Numerical: it stays within the region of one point of the grid.
+"""
 AS_IT_IS = Hypothesis("imu", np.eye(3), 0.0)
-REVERSED = (AS_IT_IS, Hypothesis("wrench", -np.eye(3), 4.0), Hypothesis("imu", -np.eye(3), 14.0))
+REVERSED = (
+    AS_IT_IS,
+    Hypothesis("wrench", -np.eye(3), COSTS["reversed"]),
+    Hypothesis("imu", -np.eye(3), COSTS["left-handed IMU"]),
+)
 """Reversals that are tried before the rotation: nothing, the sign of the wrench, the handedness of the IMU."""
 
 

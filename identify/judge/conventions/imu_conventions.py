@@ -12,16 +12,48 @@ from identify.judge.conventions.conventions import signed_axes
 from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
 
-LEAST_TURN = 0.5  # radians that the gyro says gravity has turned: true, the accelerometer would show it
-UNLIKE = 15.0  # ratio of the turn by the gyro to that by the accelerometer; a lever arm or a filter makes two or three
-STEADY = 0.05  # the specific force is mostly gravity when its magnitude varies by less than this, by median deviation
-MOSTLY = 0.3  # the same where acceleration, which only makes the accelerometer turn more, may disturb
-LEAST_TILT = 0.1  # radians, rms: with less, an IMU away from the axis of the motion may see gravity turn otherwise
-WITHIN = 5.0  # seconds: slower turns may be a gyro's bias
-GRAVITY_IN_G = (0.8, 1.25)  # less than this is no gravity in any unit
-WITHOUT_GRAVITY = (
-    0.13  # of the specific force: throws leave less, runs under gravity more than 0.16, in wrong units too
-)
+LEAST_TURN = 0.5
+"""Turn of gravity by the gyro from which its unit is judged [rad].
+
+Choice: true, the accelerometer would show it.
+"""
+UNLIKE = 15.0
+"""Ratio of gravity's turn by the gyro to that by the accelerometer from which the unit is wrong.
+
+Choice: 57 in deg/s, two or three by a lever or a filter. In 40 clean runs at most 0.86
+(``tests.helpers.judge_margins``).
+"""
+STEADY = 0.05
+"""Variation of the specific force's magnitude, by median deviation, below which it is mostly gravity.
+
+Choice: the motion's part is then a few degrees. In 40 clean runs at most 0.02 (``tests.helpers.judge_margins``).
+"""
+MOSTLY = 0.3
+"""Variation that is allowed where acceleration only makes the accelerometer turn more.
+
+Choice: the ratio of turns is then too small, which hides a wrong unit and feigns none.
+"""
+LEAST_TILT = 0.1
+"""Turn of gravity below which axes are not judged [rad, rms].
+
+Choice: with less, an IMU away from the axis of the motion may see gravity turn otherwise.
+"""
+WITHIN = 5.0
+"""Seconds within which a turn counts.
+
+Choice: slower ones may be a gyro's bias.
+"""
+GRAVITY_IN_G = (0.8, 1.25)
+"""Least and largest median of the specific force that is gravity in g.
+
+Choice: gravity with a body's acceleration; in m/s² it is ten.
+"""
+WITHOUT_GRAVITY = 0.13
+"""Part of the specific force's power that a lever may leave over in free fall.
+
+Measured: real throws leave less, runs under gravity more than 0.16, in wrong units, too. In 40 clean runs at least
+0.96 (``tests.helpers.judge_margins``).
+"""
 LARGEST_LEVER = 1.0
 """Distance of a thrown IMU from the centre of gravity, as a standard deviation [m].
 
@@ -30,9 +62,13 @@ Prior: wider than a body that is thrown by hand.
 LARGEST_ZERO = 2.0
 """Zero of a thrown accelerometer, as a standard deviation [m/s²].
 
-Prior: wider than data sheets have, so that it takes up the scale's error, too.
+Prior: our choice, wide, so that it takes up an error of scale, too.
 """
-SMOOTHED = 0.01  # seconds
+SMOOTHED = 0.01
+"""Window over which an IMU is averaged before its angular velocity is differentiated [s].
+
+Choice: a throw lasts half a second.
+"""
 
 
 def wrong_units(imu: ImuSignal) -> dict[str, float]:

@@ -7,7 +7,11 @@ from identify.judge.conventions.imu_conventions import accelerometer_axes, wrong
 from identify.judge.conventions.rotation_findings import axes_text
 from identify.judge.findings import Contradiction, Finding
 
-STANDARD_GRAVITY = 9.80665  # m/s²
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity [m/s²].
+
+Definition: CGPM 1901.
+"""
 
 
 def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Contradiction]:
