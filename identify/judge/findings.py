@@ -20,7 +20,10 @@ MATTERS = 0.5
 Price: a standard uncertainty 12 % larger, ``hypot(1, 0.5)``.
 """
 ROUNDING = 1e-9
-"""Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero."""
+"""Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero.
+
+Numerical: rounding of doubles in the solution.
+"""
 ESTIMATED = ", or let method joint estimate it"
 Size = Callable[[Float[np.ndarray, " p"], Float[np.ndarray, " p"]], str]
 """Function that writes the coefficients of a cause, in SI, with their standard uncertainties."""
@@ -67,6 +70,8 @@ def _lateness(values: np.ndarray, spread: np.ndarray) -> str:
     return f"force and moment came late by {_all(1e3, 'ms')(values, spread)}"
 
 
+PAGE = "docs/explanation/troubles.md"
+"""Page of the documentation with a row for each finding."""
 CHANNELS = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
 
 
@@ -239,6 +244,15 @@ class Finding(Enum):
         """Return what a run looks like by a cause's coefficients, in SI, with their standard uncertainties."""
         return f"as if {self.pattern.format(self.size(values, spread))} ({self.label})"
 
+    @property
+    def docs(self) -> str:
+        """Page and anchor of the documentation on it."""
+        return f"{PAGE}#{self.label.replace(' ', '-')}"
+
+    def verdict(self, run: str, *, axis: str, share: float, text: str) -> ResidualCause:
+        """Return the finding on a run, in these words."""
+        return ResidualCause(cause=self.label, axis=axis, share=share, text=text, run=run, docs=self.docs)
+
     def cause(self, run: str, *, axis: str, share: float, adds: str = "", **figures: object) -> ResidualCause:
         """Return the finding on a run, with the figures that its pattern names.
 
@@ -250,7 +264,7 @@ class Finding(Enum):
             figures: of the pattern, beside ``axis``.
         """
         text = f"{run}: {self.pattern.format(axis=axis, **figures)} ({self.label}); {self.cure}{adds}"
-        return ResidualCause(cause=self.label, axis=axis, share=share, text=text, run=run)
+        return self.verdict(run, axis=axis, share=share, text=text)
 
     def on(self, topic: str, **figures: object) -> Contradiction:
         """Return the finding on what is declared of a recording, with the figures that pattern and cure name."""

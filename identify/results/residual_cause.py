@@ -16,3 +16,5 @@ class ResidualCause(NamedTuple):
     """One line that says so."""
     run: str = ""
     """Name of the run."""
+    docs: str = ""
+    """Place in the documentation that says what it looks like, its cure, and how often it is named."""

@@ -184,7 +184,9 @@ def _alignment(experiment: Experiment) -> Alignment:
 
 def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     worst = int(np.argmin(repeats.probability))
-    return ResidualCause(Finding.REPEATABILITY.label, repeats.names[worst], float(repeats.ratio[worst]), repeats.text)
+    return Finding.REPEATABILITY.verdict(
+        "", axis=repeats.names[worst], share=float(repeats.ratio[worst]), text=repeats.text
+    )
 
 
 def _prepared(

@@ -169,7 +169,9 @@ class Certificate(Result):
             if decision.outcome != "conforms"
         ]
         left_out = [f"{self.left_out} {CURE}"] if self.left_out else []
-        return [*left_out, *others, *self.identification.warnings, *([] if self.identification.warnings else failed)]
+        warnings = self.identification.warnings
+        where = map(sentence, identification_view.explained(self.identification))
+        return [*left_out, *others, *warnings, *([] if warnings else failed), *where]
 
 
 def largest_beside(effects: NotIncluded, u: np.ndarray) -> str:

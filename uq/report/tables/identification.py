@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from identify.estimators import offsets
+from identify.judge.findings import PAGE
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
@@ -113,12 +114,20 @@ def notes(result: Identification) -> list[str]:
         *([] if result.tare is None else [_without(result.tare, result.parameters)]),
         *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
         *(f"warning: {text}" for text in result.warnings),
+        *explained(result),
         *([] if bodies is None else [f"physical limits: {bodies}"]),
         *_not_included(result),
         *([f"held out: {result.validation.text}"] if result.validation and result.validation.explained else []),
         *([] if axes is None else [f"principal axes: {axes}"]),
         *(f"assumed: {text}" for text in result.assumptions),
     ]
+
+
+def explained(result: Identification) -> list[str]:
+    """Return where the documentation explains the causes that are named: a line, or none."""
+    places = dict.fromkeys(verdict.docs for verdict in result.consistency)
+    anchors = ", ".join(f"#{place.partition('#')[2]}" for place in places)
+    return [f"causes are explained in {PAGE}: {anchors}"] if places else []
 
 
 def _used(runs: Sequence[RunEstimate]) -> Iterator[str]:

@@ -1,0 +1,36 @@
+"""The operating curves of findings, and their table in the documentation."""
+
+from identify.judge.findings import Finding
+from tests.helpers import operating_curves
+from tests.helpers.trouble_study import CLEAN
+
+
+def test_the_table_of_findings_has_their_texts_and_figures():
+    """Otherwise: ``python -m tests.helpers.operating_curves --write``."""
+    assert operating_curves.PAGE.read_text("utf-8") == operating_curves.page_with_findings()
+
+
+def test_every_finding_has_a_curve_or_no_error_of_the_laboratory():
+    labels = {finding.label for finding in Finding} - set(operating_curves.CURVES)
+    assert labels == {"tensor", "least squares"}
+
+
+def test_the_curve_counts_a_rival_as_named():
+    row = {"causes": ["gain"], "warnings": ["r: … (gain); as probable: clock, delay; calibrate it"]}
+    assert [operating_curves._names(row, label) for label in ("gain", "delay", "calibrate it")] == [True, True, False]
+
+
+def test_cells_that_are_done_are_not_done_again(tmp_path, monkeypatch):
+    """The clean run comes first: the sizes are in its standard uncertainties."""
+    seen = []
+
+    def done(cell, u):
+        seen.append(u if u is None else list(u))
+        return cell._asdict() | {"causes": [], "warnings": [], "u": [2.0] * 6, "size": 1.0, "cpu_seconds": 0.0}
+
+    monkeypatch.setattr(operating_curves, "row_of", done)
+    clean, spoiled = (operating_curves.CurveCell(name, 0, "source", 1) for name in (CLEAN, "delay"))
+    for _ in range(2):
+        rows = operating_curves.run_cells([clean, spoiled], tmp_path / "rows.jsonl")
+    assert seen == [None, [2.0] * 6]
+    assert [row["finding"] for row in rows] == [CLEAN, "delay"]
