@@ -125,6 +125,11 @@ DECISIVE = 60.0
 Chance: 1e-13 in favour of any of 71 others. In 40 clean runs any other is worse by 1.8e5
 (``tests.helpers.judge_margins``).
 """
+LARGEST_SMALL_TURN = 0.35
+"""Turn up to which Newton's method from no turn is believed [rad].
+
+Choice: 20°, twice what is named as a small turn.
+"""
 EQUAL = 12.0
 """Chi-square within which hypotheses are not told apart.
 
@@ -155,7 +160,7 @@ def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray,
             return np.zeros(3), 0.0
         change = np.linalg.solve(hessian, gradient)
         turn = turn - change * min(1.0, 0.1 / float(np.linalg.norm(change)))
-    if np.linalg.norm(turn) >= 0.35:
+    if np.linalg.norm(turn) >= LARGEST_SMALL_TURN:
         return np.zeros(3), 0.0
     turned = sums.turned(imu=exponential(turn))
     gain = float(chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False))

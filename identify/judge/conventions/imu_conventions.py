@@ -64,6 +64,16 @@ LARGEST_ZERO = 2.0
 
 Prior: our choice, wide, so that it takes up an error of scale, too.
 """
+FITS = 0.8
+"""Correlation of gravity's turning with the gyro's from which another order of axes is named.
+
+Choice: acceleration takes a fifth of it away.
+"""
+POORER = 0.5
+"""Correlation as recorded over that of the best order of axes, below which the recorded order is refuted.
+
+Choice: half, so that axes about which little turns are not judged.
+"""
 SMOOTHED = 0.01
 """Window over which an IMU is averaged before its angular velocity is differentiated [s].
 
@@ -121,7 +131,7 @@ def accelerometer_axes(imu: ImuSignal) -> Float[np.ndarray, "3 3"] | None:
     candidates = signed_axes()
     fits = [_correlation(imu, matrix) for matrix in candidates]
     best = int(np.argmax(fits))
-    return candidates[best] if fits[best] > 0.8 and fits[0] < 0.5 * fits[best] else None
+    return candidates[best] if fits[best] > FITS and fits[0] < POORER * fits[best] else None
 
 
 def _turned_gravity(time: np.ndarray, omega: np.ndarray, gravity: np.ndarray) -> Float[np.ndarray, "n 3"]:

@@ -48,6 +48,16 @@ LIKENESS = 0.05
 
 Choice: gravity carried along by a gyro is no better.
 """
+ALONG_GRAVITY = np.cos(np.radians(4.0))
+"""Cosine between mean force and mean specific force from which the force points as gravity does.
+
+Choice: 4°, as a mounting by eye and a moderate zero leave it; another order of axes is far off.
+"""
+MOST_CHANGES = 4.0
+"""Changes of the force over those that the apparent mass would make, up to which it is a weight.
+
+Choice: without the weight, what is left of the mean is a zero, far too small for the changes.
+"""
 ALIKE = 0.9
 """Correlation of the changes of force and specific force from which the force holds the weight.
 
@@ -158,7 +168,7 @@ def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
     size = float(np.linalg.norm(force) * np.linalg.norm(specific))
     best = max(float(force @ hypothesis.matrix @ specific) for hypothesis in hypotheses()) / max(size, 1e-12)
     changes = float(np.sqrt(np.trace(sums.covariance(FORCE)) / max(np.trace(sums.covariance(SPECIFIC)), 1e-12)))
-    return bool(best > np.cos(np.radians(4)) and changes < 4 * mass)
+    return bool(best > ALONG_GRAVITY and changes < MOST_CHANGES * mass)
 
 
 def _likeness(sums: ConventionSums) -> float:

@@ -85,6 +85,26 @@ ALIKE = 1.5
 
 Choice: a motion may tell it poorly, and units are ten times apart but for lbf·ft.
 """
+PARTLY = 0.5
+"""Part of the weight that the force must lack throughout, beyond three standard deviations, to be named.
+
+Choice: a load cell's zero is smaller.
+"""
+MASS_OVER_SIGMA = 8.0
+"""Mass by the force's changes, in standard deviations, from which they determine it.
+
+Choice: the part that is missing is then good to an eighth.
+"""
+FAR_BETTER = 10.0
+"""Factor by which another unit of the moment must lower chi-square to be named in place of another point.
+
+Choice: a unit moves the centre of gravity by tens of standard deviations or not at all.
+"""
+TOLD = 0.25
+"""Part of an axis in directions that the run does not determine, below which its coordinate is stated.
+
+Choice: the axis lies within 30° of what is determined.
+"""
 ZERO_LEVER = 5e-3
 """Lever which, times the weight, is the moment that may be the load cell's zero, as a standard deviation [m].
 
@@ -244,7 +264,7 @@ class _Examination:
         mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
         mean = self.sums.mean(SPECIFIC)
         share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
-        if not self.sums.tilts and mass > 8 * sigma and share > 0.5 + 3 * sigma / mass:
+        if not self.sums.tilts and mass > MASS_OVER_SIGMA * sigma and share > PARTLY + 3 * sigma / mass:
             yield Finding.WEIGHT_PARTLY_MISSING.on(
                 self.wrench, mass=significant(mass, 2), share=share, lines=self._weight_cure(given)
             )
@@ -313,14 +333,14 @@ class _Examination:
         near = [name for name, size in MOMENT_UNITS.items() if 1 / ALIKE < times * size < ALIKE]
         chi_squares = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
         best = min(near, key=chi_squares.__getitem__, default=None)
-        return best if best is not None and chi_squares[best] < chi_square / 10 else None
+        return best if best is not None and chi_squares[best] < chi_square / FAR_BETTER else None
 
     def _point(self) -> Iterator[Contradiction]:
         if self.declared.r_cg is None:
             return
         centre = self._centre(self.sums)
         shift, covariance = self._shift(centre)
-        certain = np.diag(centre.undetermined) < 0.25
+        certain = np.diag(centre.undetermined) < TOLD
         chi_square = float(shift @ np.linalg.solve(covariance, shift))
         if chi_square < CERTAIN_SHIFT or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
             return
