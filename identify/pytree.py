@@ -58,21 +58,3 @@ class Pytree(ABC):  # noqa: B024 - subclasses have abstract methods
         """Return the hash of structure and leaves. Raises TypeError where a leaf is an array."""
         leaves, tree = jax.tree.flatten(self)
         return hash((tree, tuple(leaves)))
-
-
-def is_array(value: Any) -> bool:
-    """Return whether a leaf is an array of JAX or NumPy."""
-    return isinstance(value, (jax.Array, np.ndarray, np.generic))
-
-
-def partition(tree: Any) -> tuple[Any, Any]:
-    """Return a tree with its arrays alone, and one with all else; None stands for what the other has."""
-    arrays = jax.tree.map(lambda leaf: leaf if is_array(leaf) else None, tree)
-    return arrays, jax.tree.map(lambda leaf: None if is_array(leaf) else leaf, tree)
-
-
-def combine(arrays: Any, others: Any) -> Any:
-    """Undo :func:`partition`."""
-    return jax.tree.map(
-        lambda array, other: other if array is None else array, arrays, others, is_leaf=lambda leaf: leaf is None
-    )

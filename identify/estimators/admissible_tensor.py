@@ -10,6 +10,7 @@ vanish, as a needle's does, two bounds meet and that range is too short: it reac
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.estimators.admissible_range import Data, ends, nearest, size
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS
 from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_cholesky, of_second_moment, second_moment
@@ -112,7 +112,7 @@ def fit(
         return np.asarray(body(free))
 
 
-@CompiledProgram
+@partial(jax.jit, static_argnames="body")
 def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, start: Array) -> tuple[Array, Array]:
     import optimistix  # a fifth of a second, which few results need
 

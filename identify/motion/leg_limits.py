@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.attitude import attitude
 from identify.motion.limit_peaks import Peak, largest_uses
 from identify.motion.stewart_platform import Legs, Pose, StewartPlatform, Twist, forces, joint_angles, legs, lengths
@@ -19,7 +18,7 @@ LEG_QUANTITIES = ("length", "speed", "acceleration", "force", "joint_angle")
 """Limited quantities of a leg; the others are those of an axis."""
 
 
-@CompiledProgram
+@jax.jit
 def leg_lengths(platform: StewartPlatform, poses: Pose) -> Float[Array, "n 6"]:
     """Return the legs' lengths [m] in each of several poses."""
     return jax.vmap(lambda pose: lengths(platform, pose))(poses)
@@ -36,7 +35,7 @@ class PlatformMotion(NamedTuple):
     """Velocity and acceleration of OMB in A; omega and alpha in B; (n, 3) each."""
 
 
-@CompiledProgram
+@jax.jit
 def platform_motion(
     platform: StewartPlatform, trajectory: Trajectory, t: Float[Array, " n"], still_from_omb: Float[Array, "3"]
 ) -> PlatformMotion:
@@ -83,7 +82,7 @@ class Effort(NamedTuple):
     """Acceleration of the body's centre of gravity, without gravity [m/s²]."""
 
 
-@CompiledProgram
+@jax.jit
 def effort(
     platform: StewartPlatform,
     body: Body,

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.exceptions import RunError
 from identify.motion.attitude import attitude
 from identify.motion.window import Scalar, window
@@ -57,7 +56,7 @@ class Trajectory(Pytree):
 
 
 class SourceTrajectory(Trajectory):
-    """Trajectory of the source: a rotation whose angular velocity and acceleration have stated amplitudes."""
+    """Trajectory of the paper: a rotation whose angular velocity and acceleration have stated amplitudes."""
 
     SEGMENTS: ClassVar[int] = 1
     """Number of motions from rest to rest."""
@@ -94,7 +93,7 @@ class SourceTrajectory(Trajectory):
 
 
 class Sphere(SourceTrajectory):
-    """The source's T1 and T2: omega and alpha trace spheres, along a spiral that precesses about a pole.
+    """The paper's T1 and T2: omega and alpha trace spheres, along a spiral that precesses about a pole.
 
     ``alpha0 = A (sin Ωt cos εt, cos Ωt, sin Ωt sin εt)`` with ``Ω = A / W`` and ``ε = 2π precessions / duration``
     (written for the pole b2); ``omega`` is its integral without the mean, times the window.
@@ -135,7 +134,7 @@ class Sphere(SourceTrajectory):
 
 
 class Harmonic(SourceTrajectory):
-    """The source's T3 and T4: simple harmonic motion about b1, then b2, then b3, a third of the duration each."""
+    """The paper's T3 and T4: simple harmonic motion about b1, then b2, then b3, a third of the duration each."""
 
     SEGMENTS = 3
 
@@ -164,7 +163,7 @@ class Motion(NamedTuple):
     """Specific force ``a_CG - R g`` of the centre of gravity, in B [m/s²]."""
 
 
-@CompiledProgram
+@jax.jit
 def sample(
     trajectory: Trajectory,
     t: Float[Array, " n"],

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.window import Scalar, swell
 from identify.pytree import Pytree
 
@@ -70,7 +69,7 @@ class JointSeries(Pytree):
         return jnp.stack([jnp.asarray(self.cosine), jnp.asarray(self.sine)])
 
 
-@CompiledProgram
+@jax.jit
 def bases(series: JointSeries, t: Float[Array, " t"]) -> Float[Array, "3 t 2 k"]:
     """Return the basis of a series and its first and second derivative at instants: the joints are linear in it."""
 

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from identify.motion.trajectory import Motion, acceleration_of
@@ -114,7 +113,7 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     )  # fmt: skip
 
 
-@CompiledProgram
+@jax.jit
 def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) -> tuple[SensorRecord, Array, Array]:
     """Return the sensors' readings, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)

@@ -7,7 +7,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, further_from_still, sample
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, samples
@@ -20,7 +19,7 @@ from uq.trials.trial_loop import OLDER_LOOPS
 COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
 """Options of XLA for sampling a motion, which takes milliseconds to run but a second to compile: with them, a third of
 it."""
-_sampled = CompiledProgram(sample, COMPILER)
+_sampled = jax.jit(sample, compiler_options=COMPILER)
 
 
 def prepare_engine(

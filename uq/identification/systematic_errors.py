@@ -7,6 +7,7 @@ all runs, so they do not average out; those that each mounting draws independent
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -15,7 +16,6 @@ import numpy as np
 from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
-from identify.compiled_program import CompiledProgram
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
@@ -322,7 +322,7 @@ def errors_of(problem: SystematicProblem, drawn: Mapping[Name, Array], cases: Se
     return errors
 
 
-@CompiledProgram
+@partial(jax.jit, static_argnames="name")
 def _of_axes(problem: SystematicProblem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
     """The tensor with each of some draws of one source."""
     nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}

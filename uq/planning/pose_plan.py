@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.exceptions import explains_names
 from identify.motion.euler_angles import roll_pitch_yaw
 from identify.motion.leg_limits import Limits, leg_lengths, shares
@@ -219,7 +218,7 @@ def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
     return experiment.gravity * np.resize(upward, (count, 3))
 
 
-@CompiledProgram
+@jax.jit
 def _leaning(
     platform: StewartPlatform, azimuth: Float[Array, " n"], tilt: Float[Array, " n"], pivot: Float[Array, " n"]
 ) -> Pose:

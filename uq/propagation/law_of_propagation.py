@@ -6,6 +6,7 @@ the coordinates of one input may be correlated.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -14,7 +15,6 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.floating_point import check_precision
 from identify.reporting import Result
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
@@ -162,7 +162,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
     )  # fmt: skip
 
 
-@CompiledProgram
+@partial(jax.jit, static_argnames="model")
 def _expand(model: Model, means: Mapping[str, Array], roots: Mapping[str, Array]) -> ModelExpansion:
     sizes = [root.shape[1] for root in roots.values()]
 

@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body, unpack
@@ -76,7 +75,7 @@ class Prediction(Pytree):
             columns=Columns.of(experiment.sources),
         )  # fmt: skip
 
-    @CompiledProgram
+    @jax.jit
     def moments(
         self,
         motion: Motion,
@@ -198,6 +197,6 @@ def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
     return _slopes(spec.trajectory, motion.t)
 
 
-@CompiledProgram
+@jax.jit
 def _slopes(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
     return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)

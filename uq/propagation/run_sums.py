@@ -5,7 +5,7 @@ What JAX compiles, the motion, depends on neither duration nor rate, and no more
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from typing import Any, NamedTuple
 
@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
@@ -105,7 +104,7 @@ def _pieces(
         yield _Piece(jax.tree.map(np.asarray, sampled), np.asarray(by_delay), numbers)
 
 
-@CompiledProgram
+@partial(jax.jit, static_argnames=("margin", "delayed"))
 def _moved(start, t, trajectory, platform, margin, delayed):
     """A piece's motion; omega's derivatives by a delay, if there is one; the attitude where the next piece starts.
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draws import stream_number
 from uq.sources.quasi_random import Points, SobolPoints, coordinates_of, sobol_points, values_at
@@ -27,10 +28,10 @@ AT_ONCE = 100_000
 """Evaluations of the model that are batched."""
 
 
-class Joint(NamedTuple):
+class Joint(Pytree):
     """Correlated normal inputs."""
 
-    names: tuple[str, ...]
+    names: tuple[str, ...] = static_field()
     matrix: Float[Array, "k k"]
     """Correlation matrix of the inputs."""
     root: Float[Array, "k k"]
@@ -83,7 +84,10 @@ def outputs(
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
     net = _net(inputs, 0, trials, seed, points)
-    problem = _Redrawn(model=model, inputs=list(inputs.items()), joint=joint, rows=jnp.asarray(fixed), net=net)
+    problem = _Redrawn(
+        model=model, names=tuple(inputs), distributions=tuple(inputs.values()), joint=joint, rows=jnp.asarray(fixed),
+        net=net,
+    )  # fmt: skip
     return all_trials(_outputs, problem, trials, seed, **_options(trials, len(fixed)))
 
 
@@ -103,20 +107,26 @@ def _options(trials: int, rows: int) -> dict[str, Any]:
     return {"devices": jax.devices()[:1], "batch": batch, "segment": trials}
 
 
-class _Redrawn(NamedTuple):
+class _Redrawn(Pytree):
     """Data of a trial besides its number."""
 
-    model: Model
-    inputs: Listed
+    model: Model = static_field()
+    names: tuple[str, ...] = static_field()
+    distributions: tuple[Distribution, ...]
     joint: Joint | None
     rows: Bool[Array, "rows inputs"]
     """Mask of the inputs that each row keeps; with walks, the inputs that each player holds."""
     net: SobolPoints | None
     """Points of quasi-random trials; None: trials are random."""
 
+    @property
+    def inputs(self) -> Listed:
+        """Names and distributions."""
+        return list(zip(self.names, self.distributions, strict=True))
+
 
 def _outputs(problem: _Redrawn, key: Array, indices: Array) -> Float[Array, "trials rows outputs"]:
-    model, inputs, joint, fixed, net = problem
+    model, inputs, joint, fixed, net = problem.model, problem.inputs, problem.joint, problem.rows, problem.net
     gains = _gains(inputs, joint, fixed)
 
     def of_trial(trial):
@@ -141,12 +151,15 @@ def walks(
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
     net = _net(inputs, len(holds), trials, seed, points)
-    problem = _Redrawn(model=model, inputs=list(inputs.items()), joint=joint, rows=jnp.asarray(holds), net=net)
+    problem = _Redrawn(
+        model=model, names=tuple(inputs), distributions=tuple(inputs.values()), joint=joint, rows=jnp.asarray(holds),
+        net=net,
+    )  # fmt: skip
     return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array) -> tuple[Array, Array]:
-    model, inputs, joint, holds, net = problem
+    model, inputs, joint, holds, net = problem.model, problem.inputs, problem.joint, problem.rows, problem.net
     orders = jax.random.fold_in(key, stream_number("order of the players"))
 
     def of_trial(trial):

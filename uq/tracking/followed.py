@@ -12,7 +12,6 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Trajectory
 from identify.rounding import significant
 from identify.signals.run import Run, RunError
@@ -115,7 +114,7 @@ def plan_at(spec: TrajectorySpec, t: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.where(inside[:, None], omega, 0.0), np.where(inside[:, None], alpha, 0.0)
 
 
-@CompiledProgram
+@jax.jit
 def _sampled(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Array, Array]:
     return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 

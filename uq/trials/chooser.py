@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, Key
 
-from identify.compiled_program import CompiledProgram
 from identify.motion.trajectory import Motion, Trajectory
 from identify.pytree import static_field
 from identify.rigid_body.inertia import Body
@@ -186,7 +185,7 @@ def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> st
     return None
 
 
-@CompiledProgram
+@jax.jit
 def _first_trial(engine: SamplesEngine) -> TrialEstimates:
     """Return the estimates of one trial: where nothing is drawn, of every trial."""
     estimates = engine.run(jax.random.key(0), jnp.zeros(1, int))

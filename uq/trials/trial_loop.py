@@ -19,8 +19,6 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int, Key, UInt32
 
-from identify.compiled_program import CompiledProgram
-from identify.pytree import combine, partition
 from uq.trials.distributed import guarded, local_share, several
 
 Tree = TypeVar("Tree")
@@ -166,11 +164,9 @@ def segment_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int
 
 def _everywhere(tree: Tree, mesh: Mesh) -> Tree:
     """Give every device of all processes what each process has computed for itself."""
-    arrays, static = partition(tree)
     sharding = NamedSharding(mesh, PartitionSpec())
-    arrays = jax.tree.map(np.asarray, arrays)
-    arrays = jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, sharding, lambda share: x[share]), arrays)
-    return combine(arrays, static)
+    arrays = jax.tree.map(np.asarray, tree)
+    return jax.tree.map(lambda x: jax.make_array_from_callback(x.shape, sharding, lambda share: x[share]), arrays)
 
 
 OLDER_LOOPS = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11, 1) else {}
@@ -188,19 +184,18 @@ def _on_mesh(
         results = _in_batches(lambda indices: run(problem, key, indices), mine, batch)
         return jax.lax.all_gather(results, "trials", tiled=True) if gathered else results
 
-    arrays, static = partition(problem)
     everywhere, split = PartitionSpec(), PartitionSpec("trials")
     sharded = jax.shard_map(
-        lambda arrays, key, mine: on_one_device(combine(arrays, static), key, mine),
+        on_one_device,
         mesh=mesh,
         in_specs=(everywhere, everywhere, split),
         out_specs=everywhere if gathered else split,
         check_vma=False,
     )
-    return sharded(arrays, key, numbers)
+    return sharded(problem, key, numbers)
 
 
-_sharded = CompiledProgram(_on_mesh, COMPILER)
+_sharded = jax.jit(_on_mesh, static_argnames=("run", "mesh", "batch", "gathered"), compiler_options=COMPILER)
 
 
 def _in_batches(run: Callable[[jax.Array], Any], mine: jax.Array, batch: int) -> Any:

@@ -47,9 +47,9 @@ def test_pieces_add_up_to_the_whole_run(many, monkeypatch):
     """Against the true motion in one array; in a unit of the largest of each kind, 1e-11 is rounding."""
     spec = many.trajectories["T1"]
     monkeypatch.setattr(pieces, "PIECE", 1000)
-    pieces._moved.jitted.clear_cache()  # its code has the size of a piece
+    pieces._moved.clear_cache()  # its code has the size of a piece
     sums = summed(many, spec)
-    pieces._moved.jitted.clear_cache()
+    pieces._moved.clear_cache()
     motion, wrench, taps, valid = noise_free(many, spec)
     alphas = [alpha_of(motion.omega, h) for h in taps]
     whole = run_moments(np.concatenate([motion.omega, *alphas, wrench[:6]]), valid, taps)

@@ -252,10 +252,10 @@ def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
     e = experiment(*some, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))
     double, single = (run(e, plan=plan)["T", "smoothed"].total for plan in (BY_SAMPLES, IN_FLOAT32))
     np.testing.assert_allclose(double.three_sigma, single.three_sigma, rtol=5 / np.sqrt(40))
-    before = trial_loop._sharded.jitted._cache_size()
+    before = trial_loop._sharded._cache_size()
     other = experiment(*some, known("omega", "delay", "4 ms", {}), source("q", "F", "quantisation", step=["2 N"] * 3))
     run(other, plan=BY_SAMPLES)
-    assert trial_loop._sharded.jitted._cache_size() == before
+    assert trial_loop._sharded._cache_size() == before
 
 
 # --- what is not linear ---

@@ -1,4 +1,4 @@
-"""Figures of the source's simulated experiment (figures 2, 4 and 5)."""
+"""Figures of the paper's simulated experiment (figures 2, 4 and 5)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,6 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
-from identify.compiled_program import CompiledProgram
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from uq.barreto2016 import PaperResult
 from uq.campaign.averages import average
@@ -26,7 +25,7 @@ POINTS = 8000
 
 
 def spheres(omega: np.ndarray, alpha: np.ndarray) -> FigureBase:
-    """Draw the paths of angular velocity and angular acceleration in the body frame: the source's figures 2 and 7.
+    """Draw the paths of angular velocity and angular acceleration in the body frame: the paper's figures 2 and 7.
 
     Args:
         omega: angular velocity in B, component first, (3, n) [rad/s].
@@ -66,7 +65,7 @@ def _path(
 
 
 def angular_velocity(t: np.ndarray, omega: np.ndarray) -> FigureBase:
-    """Draw the three components of the angular velocity against time: the source's figure 4.
+    """Draw the three components of the angular velocity against time: the paper's figure 4.
 
     Args:
         t: instants [s], (n,).
@@ -110,7 +109,7 @@ def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, np.asarray(omega).T, np.asarray(alpha).T
 
 
-@CompiledProgram
+@jax.jit
 def _rates(trajectory, t):
     return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 
@@ -118,14 +117,14 @@ def _rates(trajectory, t):
 def averages(
     result: MonteCarloResult, estimator: str, printed: Mapping[str, Mapping[str, float]] | None = None
 ) -> FigureBase:
-    """Draw the average 3σ of the moments and of the products by trajectory: the source's figure 5.
+    """Draw the average 3σ of the moments and of the products by trajectory: the paper's figure 5.
 
     The second panel holds the average magnitude of the mean errors. Error bars are standard errors.
 
     Args:
         result: a campaign.
         estimator: one of its estimators.
-        printed: the source's values in g·m², by row (``"3σ moments"``, ``"3σ products"``) and trajectory.
+        printed: the paper's values in g·m², by row (``"3σ moments"``, ``"3σ products"``) and trajectory.
     """
     names = list(result.breakdowns)
     with matplotlib.rc_context(STYLE):
@@ -164,4 +163,4 @@ def _printed(axes: Axes, x: np.ndarray, names: list[str], values: Mapping[str, f
     points = [(place, values[name]) for place, name in zip(x, names, strict=True) if name in values]
     if points:
         style: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markeredgewidth": 0.8, "markersize": 4}
-        axes.plot(*zip(*points, strict=True), "D", linestyle="none", label="source" if label else None, **style)
+        axes.plot(*zip(*points, strict=True), "D", linestyle="none", label="paper" if label else None, **style)
