@@ -7,6 +7,7 @@ import json
 import keyword
 import re
 import textwrap
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -114,8 +115,14 @@ def _type(value: dict[str, Any], definitions: dict[str, Any]) -> str:
     return kind if isinstance(kind, str) else " or ".join(kind)
 
 
+def stable_names(package: str) -> list[str]:
+    """The names of a package that stay, from its stub, without the aliases of the version before."""
+    stub = (Path(str(files(package))) / "__init__.pyi").read_text("utf-8").partition("# Until ")[0]
+    return sorted(re.findall(r"import (\w+)", stub))
+
+
 def names(package: str) -> str:
-    """Every public name of a package, from its docstring."""
+    """Every name of a package that stays, from its docstring."""
     door = importlib.import_module(package)
     lines = [
         f"# Names of `{package}`",
@@ -124,7 +131,7 @@ def names(package: str) -> str:
         "",
         *_directive(f"automodule:: {package}\n   :no-members:"),
     ]
-    for name in sorted(door.__all__):
+    for name in stable_names(package):
         what = getattr(door, name)
         directive = "autoclass" if inspect.isclass(what) else "autofunction" if callable(what) else "autodata"
         lines += [f"## {name}", "", *_directive(f"{directive}:: {package}.{name}")]

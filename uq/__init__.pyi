@@ -3,12 +3,18 @@ from .bodies.comparison import compare as compare
 from .bodies.export import export as export
 from .bodies.reference import load_reference as load_reference
 from .campaign.campaign import montecarlo as montecarlo
+from .campaign.campaign_options import RunOptions as RunOptions
+from .campaign.campaign_options import SamplingPlan as SamplingPlan
+from .campaign.campaign_result import MonteCarloResult as MonteCarloResult
 from .campaign.simulation import simulate as simulate
 from .experiment.experiment import Experiment as Experiment
 from .files.document import ExperimentError as ExperimentError
 from .identification.identify_files import identify_files as identify_files
 from .identification.static_centre import centre_file as centre_file
 from .identification.tare import tare_files as tare_files
+from .inspection.inspect_run import inspect_run as inspect_run
+from .motion_design.arm.arm_design import design_arm as design_arm
+from .motion_design.arm.arm_report import arm_report as arm_report
 from .motion_design.hexapod.design import design as design
 from .motion_design.hexapod.design_report import design_report as design_report
 from .motion_design.hexapod.motion_export import export_motion as export_motion
@@ -18,8 +24,19 @@ from .planning.required_duration import required_duration as required_duration
 from .planning.sensor_worth import sensor_worth as sensor_worth
 from .propagation.experiment_law import law as law
 from .propagation.law_of_propagation import propagate as propagate
+from .propagation.propagation_of_distributions import propagate_distributions as propagate_distributions
 from .recorded.load_run import load_run as load_run
+from .report.certificate.certificate import Certificate as Certificate
+from .report.report_files import write as write
 from .sensitivity.sobol_shapley import shapley as shapley
 from .sensitivity.sobol_shapley import sobol as sobol
 from .sensitivity.source_budget import budget as budget
+from .sources.distributions import Normal as Normal
+from .sources.distributions import Rectangular as Rectangular
 from .tracking.achieved_motion import achieved as achieved
+
+# isort: split
+# Until 0.3: names of version 0.1, whose place is their room.
+from .barreto2016 import PaperResult as PaperResult
+from .campaign.simulation import SimulatedRun as SimulatedRun
+from .sources.source import Source as Source

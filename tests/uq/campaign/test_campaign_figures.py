@@ -131,7 +131,7 @@ def test_averages_carry_the_statistics_and_the_printed_values():
         np.testing.assert_allclose(heights(bottom)[kind], mean)
     drawn = [line.get_ydata().tolist() for line in top.lines if line.get_marker() == "D"]
     assert drawn == [list(PRINTED[f"3σ {kind}"].values()) for kind in ("moments", "products")]
-    assert "source" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "paper" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_standard_errors_of_averages_hold():
@@ -155,7 +155,7 @@ def synthetic(rng, mixing):
 def test_motions_are_drawn_as_they_are():
     t, omega, alpha = plots.rates(Experiment.load("barreto2016").trajectories["T1"])
     assert len(t) <= plots.POINTS
-    np.testing.assert_allclose(np.max(np.linalg.norm(omega, axis=0)), 0.425, rtol=0.01)  # the source's sphere
+    np.testing.assert_allclose(np.max(np.linalg.norm(omega, axis=0)), 0.425, rtol=0.01)  # the paper's sphere
     np.testing.assert_allclose(np.max(np.linalg.norm(alpha, axis=0)), 4.0, rtol=0.05)  # the ramps add a little
     for axes, path in zip(plots.spheres(omega, alpha).axes, (omega, alpha), strict=True):
         segments = np.array(axes.collections[0]._segments3d)
