@@ -1,4 +1,4 @@
-"""The reference: the source's campaign as it describes itself, a plain NumPy loop.
+"""The reference: the paper's campaign as it describes itself, a plain NumPy loop.
 
 Each group has its own trials, with errors from its own sources only; a trial draws its samples, differentiates omega by
 central differences, stacks the rows of Omega_R and solves the normal equations (10).

@@ -1,4 +1,4 @@
-"""The reference trial: the Monte Carlo of the source in plain JAX, to be read and to be held against.
+"""The reference trial: the Monte Carlo of the paper in plain JAX, to be read and to be held against.
 
 No blocks, no sums: each trial draws every sample, differentiates, stacks Omega_R and solves least squares, once for
 each group of error sources. Run it: ``python docs/reference_trial.py``. Every engine of ``uq`` gives the same, far

@@ -1,4 +1,4 @@
-"""The source's Table 2: within statistics in a short campaign; in full, every acceptance figure (`make study`)."""
+"""The paper's Table 2: within statistics in a short campaign; in full, every acceptance figure (`make study`)."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_mean_errors_of_the_central_difference_and_of_the_smoother(brief):
 def test_the_rows_stand_beside_the_sources(brief):
     table = table2(brief, "central")
     head, rows = table.head, table.rows
-    assert head == ["central", "T1", "source", "T2", "source", "T3", "source", "T4", "source"]
+    assert head == ["central", "T1", "paper", "T2", "paper", "T3", "paper", "T4", "paper"]
     assert [row[0] for row in rows] == list(PRINTED)
     assert [row[2] for row in rows] == ["2.82", "5.13", "−43.5", "1.86", "−46.4"]
     assert "smoothed" in repr(brief)
@@ -57,10 +57,10 @@ def test_the_rows_stand_beside_the_sources(brief):
 
 
 def test_no_table_is_the_sources_that_it_does_not_have(brief):
-    """The source has no smoothed estimator; the IMU's share, five times smaller with one, is explained there."""
-    assert "of the source" in table2(brief, "central").caption
+    """The paper has no smoothed estimator; the IMU's share, five times smaller with one, is explained there."""
+    assert "of the paper" in table2(brief, "central").caption
     for table in (table2(brief, "smoothed"), effects(brief, "smoothed")):
-        assert "of the source" not in table.caption
+        assert "of the paper" not in table.caption
         assert "no such estimator" in table.note
     assert "IMU" in effects(brief, "smoothed").note
     assert "fitted, not predicted" in " ".join(brief.section().assumptions)

@@ -1,4 +1,4 @@
-"""The source's simulated experiment beside its printed values (Table 2, section 4)."""
+"""The paper's simulated experiment beside its printed values (Table 2, section 4)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ PRINTED: Mapping[str, Mapping[str, float]] = {
     "3σ products": {"T1": 1.86, "T2": 1.97, "T3": 3.41, "T4": 3.47},
     "products against T4 %": {"T1": -46.4, "T2": -43.2, "T3": -1.73},
 }
-"""The source's Table 2, in g·m² and per cent."""
+"""The paper's Table 2, in g·m² and per cent."""
 
 SOURCE_ESTIMATOR = "central"
-"""The preset's estimator that differentiates as the source does, by central differences."""
+"""The preset's estimator that differentiates as the paper does, by central differences."""
 
 PRINTED_SHARES: Mapping[str, float] = {"load_cell": 97.0, "cg": 20.0, "imu": 6.0}
 """Effect of each group alone on T1, per cent of the total 3σ, averaged over the six components."""
@@ -41,7 +41,7 @@ PRINTED_EFFECTS: Mapping[str, tuple[str, str, str, float]] = {
 
 @dataclass(frozen=True, repr=False)
 class PaperResult(Result):
-    """Our campaign on the preset ``barreto2016`` beside the source's printed figures.
+    """Our campaign on the preset ``barreto2016`` beside the paper's printed figures.
 
     Example: ``paper(trials=100).to_frame().loc[("smoothed", "3σ moments", "T1")]``.
     """
@@ -107,7 +107,7 @@ def paper(
     plan: SamplingPlan = SamplingPlan(),  # noqa: B008 - frozen
     options: RunOptions = RunOptions(),  # noqa: B008 - frozen
 ) -> PaperResult:
-    """Reproduce the source's simulated experiment: preset ``barreto2016``, trajectories T1 to T4, both estimators.
+    """Reproduce the paper's simulated experiment: preset ``barreto2016``, trajectories T1 to T4, both estimators.
 
     Arguments are those of :func:`uq.campaign.campaign.montecarlo`.
 

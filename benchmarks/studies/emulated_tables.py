@@ -1,4 +1,4 @@
-"""``python -m benchmarks.studies.emulated_tables``: repeated runs of T1 to T4, the source's Tables 3 and 4 in form.
+"""``python -m benchmarks.studies.emulated_tables``: repeated runs of T1 to T4, the paper's Tables 3 and 4 in form.
 
 The centre of gravity is determined once, before all runs: its error is one draw a repeat, which the runs of all
 trajectories share. Everything else is drawn anew in each run, alike for all trajectories (common random numbers).
@@ -36,11 +36,11 @@ TABLE3: Mapping[str, Mapping[str, float]] = {
     "mean": {"I11": 387.24, "I12": 1.19, "I13": 1.20, "I22": 18.30, "I23": -1.78, "I33": 380.99},
     "standard deviation": {"I11": 0.22, "I12": 1.79, "I13": 0.15, "I22": 0.01, "I23": 0.21, "I33": 0.48},
 }
-"""The source's Table 3, five runs of T1 [g·m²]."""
+"""The paper's Table 3, five runs of T1 [g·m²]."""
 TABLE4: Mapping[str, tuple[float, float]] = {
     "T1": (1.7, 1.39), "T2": (3.72, 1.6), "T3": (1.73, 1.76), "T4": (4.19, 2.05),
 }  # fmt: skip
-"""The source's Table 4: average deviation of moments and of products [g·m²]."""
+"""The paper's Table 4: average deviation of moments and of products [g·m²]."""
 PAIRS = (("T1", "T2"), ("T3", "T4"))
 """Trajectories that differ in the point that keeps still: the centre of gravity, or the platform's centre."""
 
@@ -57,7 +57,7 @@ class Imperfections(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class EmulatedTables(Result):
-    """Repeats of the source's experiment, with the errors of every run.
+    """Repeats of the paper's experiment, with the errors of every run.
 
     Example: ``emulated_tables(repeats=10).to_frame().loc["T1", "moments"]``.
     """
@@ -93,7 +93,7 @@ class EmulatedTables(Result):
             return difference.mean(axis=0), difference.std(axis=0, ddof=1) / np.sqrt(self.repeats)
 
     def rows3(self, repeat: int = 0, trajectory: str = "T1") -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of Table 3 of one repeat, beside the source's, in g·m²."""
+        """Return head and rows of Table 3 of one repeat, beside the paper's, in g·m²."""
         estimates = self.errors[trajectory][repeat] + self.nominal
         ours = {
             "expected": self.nominal,
@@ -107,7 +107,7 @@ class EmulatedTables(Result):
         return [f"{trajectory}, {self.runs} runs", *COMPONENTS], rows
 
     def rows4(self) -> tuple[list[str], list[list[str]]]:
-        """Return head and rows of Table 4, the mean over the repeats beside the source's, in g·m²."""
+        """Return head and rows of Table 4, the mean over the repeats beside the paper's, in g·m²."""
         rows = []
         for name in self.errors:
             off = GRAM_METRE * self.average_deviation(name)
@@ -143,7 +143,7 @@ class EmulatedTables(Result):
 
     def title(self) -> str:
         """Return what the tables are of."""
-        return f"The source's experiment, emulated {self.repeats} times, {self.runs} runs of each trajectory; g·m²"
+        return f"The paper's experiment, emulated {self.repeats} times, {self.runs} runs of each trajectory; g·m²"
 
     def tables(self) -> list[Table]:
         """Return Table 3 of the first repeat, Table 4, and the gain of a centre of gravity that keeps still."""
@@ -176,7 +176,7 @@ def emulated_tables(
     imperfections: Imperfections = Imperfections(),  # noqa: B008
     progress: Progress | bool | None = None,
 ) -> EmulatedTables:
-    """Emulate the source's experiment: runs of each trajectory that share the error of the centre of gravity.
+    """Emulate the paper's experiment: runs of each trajectory that share the error of the centre of gravity.
 
     Args:
         experiment: body, platform, trajectories, sources, estimators; None for the preset ``barreto2016``.
@@ -263,7 +263,7 @@ def _emulated_runs(rig: _Rig, key: jax.Array, indices: jax.Array) -> jax.Array:
 def main() -> None:
     """Print the tables of the preset."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.emulated_tables", description=__doc__)
-    parser.add_argument("--repeats", type=int, default=400, help="repeats of the source's experiment (400)")
+    parser.add_argument("--repeats", type=int, default=400, help="repeats of the paper's experiment (400)")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     print(emulated_tables(repeats=options.repeats, progress=True))

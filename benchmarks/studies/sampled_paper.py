@@ -1,4 +1,4 @@
-"""``python -m benchmarks.studies.sampled_paper``: the source's Table 2 by samples beside the same on sums, as Markdown.
+"""``python -m benchmarks.studies.sampled_paper``: the paper's Table 2 by samples beside the same on sums, as Markdown.
 
 Ten thousand trials by samples (float32 draws) take a quarter of an hour; with ``--checkpoint`` the same call goes on
 where it was interrupted. ``--experiment`` takes any other, ``--seconds`` another duration.

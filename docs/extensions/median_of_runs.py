@@ -13,7 +13,7 @@ EFFICIENCY = np.pi / 2
 
 
 class MedianOfRuns(Method):
-    """Component by component; every run by the source's least squares."""
+    """Component by component; every run by the paper's least squares."""
 
     type_a = "The value is the median of the runs' estimates; its uncertainty follows from their mean's."
 

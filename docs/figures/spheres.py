@@ -1,4 +1,4 @@
-"""Draws docs/figures/spheres.png: angular velocity and angular acceleration of the source's motion T1, side by side."""
+"""Draws docs/figures/spheres.png: angular velocity and angular acceleration of the paper's motion T1, side by side."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The source's estimator: r_CG as stated, ordinary least squares; and the result of any estimator by rows."""
+"""The paper's estimator, named ``source``: r_CG as stated, ordinary least squares; the result of any by rows."""
 
 from collections.abc import Callable, Sequence
 

@@ -30,7 +30,7 @@ def start(
 def spiral(periodic: Periodic, r_cg_from_omb: Float[np.ndarray, "3"]) -> Float[np.ndarray, " u"]:
     """Return the unknowns of ``alpha = (sin Ωt cos εt, cos Ωt, sin Ωt sin εt)``, the centre of gravity still.
 
-    The source's T1 in small angles, with ε of one turn a period; each harmonic of the period has its own place.
+    The paper's T1 in small angles, with ε of one turn a period; each harmonic of the period has its own place.
     """
     count = len(periodic.frequency)
     middle = min(max(round(PLACE * count), 2), count - 1) - 1

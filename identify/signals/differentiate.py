@@ -18,7 +18,7 @@ GAIN_TOLERANCE = 1e-4
 
 
 def central_difference(rate: float) -> np.ndarray:
-    """Return the taps of the source's central difference at a sample rate [Hz]."""
+    """Return the taps of the paper's central difference at a sample rate [Hz]."""
     return np.array([rate / 2])
 
 

@@ -1,4 +1,4 @@
-"""Laboratories for the joint estimate: runs of T1 with the source's noise, static calibrations, misaligned IMUs."""
+"""Laboratories for the joint estimate: runs of T1 with the paper's noise, static calibrations, misaligned IMUs."""
 
 import dataclasses
 from functools import cached_property
@@ -28,7 +28,7 @@ SIGMA_MASS = 0.05
 
 
 def standard_deviations(experiment):
-    """The source's σ by source name."""
+    """The paper's σ by source name."""
     return {source.name: np.asarray(source.sigma) for source in experiment.sources}
 
 
@@ -122,7 +122,7 @@ class Laboratory:
         return joint_run(run, Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1))
 
     def source_estimate(self, run, r_cg):
-        """The source's estimator with the smoothing differentiator, as the Monte Carlo runs it."""
+        """The paper's estimator with the smoothing differentiator, as the Monte Carlo runs it."""
         spec = self.experiment.estimator("smoothed")
         return np.asarray(_ordinary(*(jnp.asarray(x.T) for x in (run.omega, run.force, run.moment)),
                                     jnp.asarray(spec.taps(run.rate)), jnp.asarray(r_cg)))  # fmt: skip

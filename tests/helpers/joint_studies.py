@@ -72,7 +72,7 @@ def _misalignment(rng, aligned):
 
 
 def against_the_source(experiment, trials, *, aligned, seed=2):
-    """Errors of the joint and of the source's estimator on the same runs, sample by sample [kg·m²]; (trials, 2, 6)."""
+    """Errors of the joint and of the paper's estimator on the same runs, sample by sample [kg·m²]; (trials, 2, 6)."""
     laboratory, alignment = own_laboratory(experiment), known_alignment() if aligned else unknown_alignment()
     found = []
     for trial in trials:
@@ -86,7 +86,7 @@ def against_the_source(experiment, trials, *, aligned, seed=2):
 
 
 def known_alignment():
-    """Nothing unknown of time and frame; the source's bias of the gyro."""
+    """Nothing unknown of time and frame; the paper's bias of the gyro."""
     return Alignment(sigma_delay=0.0, sigma_rotation=0.0, sigma_gyro_bias=(5.8e-3, 6.0e-3, 5.9e-3))
 
 

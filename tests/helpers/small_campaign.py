@@ -26,5 +26,5 @@ def campaign(trials=20, trajectories=None):
 
 
 def paper_result():
-    """Return the campaign as a reproduction of the source's experiment."""
+    """Return the campaign as a reproduction of the paper's experiment."""
     return PaperResult(campaign())

@@ -1,4 +1,4 @@
-"""Averages over components, as the source's Table 2 and figure 5 state them, with their standard errors."""
+"""Averages over components, as the paper's Table 2 and figure 5 state them, with their standard errors."""
 
 from typing import NamedTuple
 

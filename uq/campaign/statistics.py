@@ -25,7 +25,7 @@ class Statistics(Shown):
     """Mean of estimate minus truth: the bias."""
     mean_error_standard_error: np.ndarray
     three_sigma: np.ndarray
-    """Three standard deviations of the estimates: the source's index of uncertainty."""
+    """Three standard deviations of the estimates: the paper's index of uncertainty."""
     three_sigma_standard_error: np.ndarray
     """Standard error of ``three_sigma`` from the fourth moment of the estimates, which holds for any distribution."""
 

@@ -22,7 +22,7 @@ from uq.terminal.standard_streams import ShownText, shown_streams
 from uq.trials.watchdog import divide
 
 COMMANDS = {
-    "paper": "reproduce the source's Table 2 and figures, beside its printed values",
+    "paper": "reproduce the paper's Table 2 and figures, beside its printed values",
     "montecarlo": "Monte Carlo of any body, platform, sensors and trajectory",
     "record": "record sensors to an MCAP file",
     "import": "write the named columns of a table as an MCAP run",

@@ -1,4 +1,4 @@
-"""``inertia paper``: the source's Table 2 and figures, beside its printed values."""
+"""``inertia paper``: the paper's Table 2 and figures, beside its printed values."""
 
 import argparse
 from collections.abc import Mapping

@@ -38,7 +38,7 @@ def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
     tables = [
         Table("Error sources", [*SOURCE_HEAD, "reference"], rows),
     ]
-    note = "Not stated by the source; found as the values that reproduce its Table 2."
+    note = "Not stated by the paper; the values that reproduce its Table 2."
     inferences = [Table("Inferred values", ["key", "value", "reason"], guesses, note)]
     return [*(tables if rows else []), *(inferences if guesses else [])]
 

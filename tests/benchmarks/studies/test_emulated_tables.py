@@ -1,4 +1,4 @@
-"""The source's experiment, emulated: what is shared, what is fresh, and that the gain is that of the still point."""
+"""The paper's experiment, emulated: what is shared, what is fresh, and that the gain is that of the still point."""
 
 import dataclasses
 import json
@@ -89,7 +89,7 @@ def test_tables_say_what_they_hold(tables):
     np.testing.assert_allclose(gain, difference.mean(axis=0))
     np.testing.assert_allclose(error, difference.std(axis=0, ddof=1) / np.sqrt(3))
     text = repr(tables)
-    assert "387.24" in text  # the source's Table 3
+    assert "387.24" in text  # the paper's Table 3
     assert "3.72" in text  # and its Table 4
     assert "T2 less T1, products" in text
     assert json.loads(json.dumps(tables.to_dict(), allow_nan=False))["repeats"] == 3

@@ -280,7 +280,7 @@ def identified(tensor, repeats=(), mass=None):
 
 
 SOURCE = {
-    "name": "the source's cylinder",
+    "name": "the paper's cylinder",
     "cad": {"about": "CG", "products": "tensor", "inertia": {"I11": {"value": "382.89 g*m^2", "standard_uncertainty": "1 g*m^2"}, "I22": "18.72 g*m^2", "I33": "380.66 g*m^2"}},
 }  # fmt: skip
 MEAN = 1e-3 * np.array([387.24, 1.19, 1.20, 18.30, -1.78, 380.99])
@@ -300,7 +300,7 @@ def test_the_sources_table_3_as_a_laboratory_compares_it(generator):
     u = np.hypot(1e-3, spread[0] / np.sqrt(5))
     assert found.normalised_error[0] == pytest.approx(4.35e-3 / (2 * u))
     assert found.suspicions == ()
-    assert "I11, I13, I22, I23 differ from the source's cylinder beyond" in findings(found)[0]
+    assert "I11, I13, I22, I23 differ from the paper's cylinder beyond" in findings(found)[0]
     text = repr(found)
     assert "387.2" in text
     assert "1.14" in text

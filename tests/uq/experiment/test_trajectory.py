@@ -1,4 +1,4 @@
-"""The source's trajectories: spheres, rest at the ends, exact derivative, attitude, the still centre of gravity."""
+"""The paper's trajectories: spheres, rest at the ends, exact derivative, attitude, the still centre of gravity."""
 
 import jax
 import jax.numpy as jnp

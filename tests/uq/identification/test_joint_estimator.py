@@ -149,7 +149,7 @@ def test_other_specific_forces_tell_the_tensor_too(brief, silent, kind):
 
 @pytest.mark.study
 def test_noise_that_hides_the_alignment_is_said(brief, silent_run, generator):
-    """Ten thousand times the source's noise on force and moment: the delay is then, for the greater part, what was declared."""
+    """Ten thousand times the paper's noise on force and moment: the delay is then, for the greater part, what was declared."""
     loud = dataclasses.replace(
         silent_run,
         force=silent_run.force + 5e4 * generator.standard_normal(silent_run.force.shape),

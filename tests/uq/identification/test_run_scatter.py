@@ -1,4 +1,4 @@
-"""The verdict on a rig's repeatability: its false alarms counted, and the source's own scatter."""
+"""The verdict on a rig's repeatability: its false alarms counted, and the paper's own scatter."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ from uq import law
 from uq.identification.run_scatter import scatter_verdict
 
 MEASURED = [0.22, 1.79, 0.15, 0.01, 0.21, 0.48]
-"""The source's Table 3: standard deviation of five runs of T1, in the order I11 I12 I13 I22 I23 I33 [g·m²]."""
+"""The paper's Table 3: standard deviation of five runs of T1, in the order I11 I12 I13 I22 I23 I33 [g·m²]."""
 
 
 @pytest.mark.parametrize("repeats", [2, 5])

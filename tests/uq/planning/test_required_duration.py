@@ -184,7 +184,7 @@ def test_every_size_of_a_source_is_resized():
     assert resized.mean == 5.0
 
 
-# --- at full length, with as many trials as the source ---
+# --- at full length, with as many trials as the paper ---
 
 
 @pytest.mark.study

@@ -97,7 +97,7 @@ def test_page_names_sources_with_references_and_marks_inferred_values():
     assert ["platform.r_cg_from_omb", "0 m, 0 m, 0.11 m", "g/Ω² = 0.111 m halves the CG effect with a still CG"] in rows
     assert inferred(document()) == []  # another experiment: its values are its own
     page = Reader(report(campaign())).text
-    assert "the source, Table 1: one draw per experiment" in page
+    assert "the paper, Table 1: one draw per experiment" in page
     assert "19e-4 rad/s" in " ".join(page)
 
 

@@ -43,7 +43,7 @@ LABELS = 8
 
 
 def contributions(cases: Mapping[str, OfCase]) -> FigureBase:
-    """Draw what each case does to each component: the source's figure 3, with the mean error in a second panel.
+    """Draw what each case does to each component: the paper's figure 3, with the mean error in a second panel.
 
     Error bars are standard errors. A mean error that exceeds its own 3σ is written beside its marker when it belongs
     to the first case. The mean errors are on a symmetric logarithmic scale when one exceeds every 3σ. More than

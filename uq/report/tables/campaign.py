@@ -173,7 +173,7 @@ SHARE_NOTE = "share: 3σ alone over the total's, averaged over the components."
 INTERVAL_NOTE = "symmetric: as much on either side; shortest: JCGM 101, 7.7."
 TOLERANCE_NOTE = "tolerance: half a unit of the last significant digit of u, or as asked; JCGM 101, 7.9."
 INDEX = (
-    "3σ is three standard deviations of the estimates over the trials, the source's index of uncertainty. It does not "
+    "3σ is three standard deviations of the estimates over the trials, the paper's index of uncertainty. It does not "
     "contain the mean error (mean of estimate minus truth), which therefore stands beside it everywhere. The figure "
     "after ± is a standard error, from the finite number of trials."
 )

@@ -52,7 +52,7 @@ def test_the_cg_of_t1_stays_within_a_micrometre(preset):
 
 
 def test_a_wrong_cg_moves_by_its_own_error_turned(preset):
-    """The source's CG error, one standard deviation on each axis: some tens of micrometres."""
+    """The paper's CG error, one standard deviation on each axis: some tens of micrometres."""
     error = np.array([0.15e-3, 0.13e-3, 0.16e-3])
     motion = motion_of(preset, "T1", named("assumed-source-size"), rate=50.0)
     at_cg = np.asarray(motion.pose.position) + np.einsum(
