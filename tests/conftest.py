@@ -63,6 +63,15 @@ def results_follow_their_schema():
 
 
 @pytest.fixture
+def blank_pictures(monkeypatch):
+    """Figures are drawn, but neither laid out nor rendered: for tests of a page's words."""
+    blank = b'<svg xmlns="http://www.w3.org/2000/svg" width="9pt" height="9pt"><path d="M 0 0 L 9 9"/></svg>'
+    monkeypatch.setattr("uq.report.page.laid_out", lambda figure: figure)
+    for module in ("page", "report_files"):
+        monkeypatch.setattr(f"uq.report.{module}.rendered", lambda figure, kind: blank)
+
+
+@pytest.fixture
 def generator():
     return np.random.default_rng(20161)
 

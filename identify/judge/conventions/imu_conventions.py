@@ -99,7 +99,7 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
 def in_free_fall(imu: ImuSignal) -> bool:
     """Whether a lever explains the specific force without gravity."""
     time = imu.time
-    return len(time) >= 10 and time[-1] > time[0] and without_lever(imu) < WITHOUT_GRAVITY
+    return bool(len(time) >= 10 and time[-1] > time[0] and without_lever(imu) < WITHOUT_GRAVITY)
 
 
 def without_lever(imu: ImuSignal) -> float:

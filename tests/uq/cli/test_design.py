@@ -152,6 +152,7 @@ def test_the_designed_file_holds_the_designed_motion(content, design, tmp_path):
     assert others == {k: v for k, v in design.experiment.document.items() if k in others}
 
 
+@pytest.mark.slow
 def test_the_monte_carlo_runs_it_as_it_is(content, report, tmp_path, capsys):
     """200 trials: a 3σ has a standard error of 5 %; six of them, and mean errors, within four and a half (8e-5)."""
     for name in ("designed.toml", "designed.csv"):

@@ -51,6 +51,7 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     assert not (out / "checkpoint").exists()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     """Said once, in its report beside the campaign's results; a report without it has no script."""
     monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several
@@ -76,6 +77,7 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     assert "<script" not in (out / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
     class Interrupted(command.TerminalBar):
         def __call__(self, name, done, asked):
@@ -97,6 +99,7 @@ def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path,
     assert one["trajectories"] == two["trajectories"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(
     ("option", "engine", "points", "words"),
     [
@@ -112,6 +115,7 @@ def test_how_trials_are_drawn_is_an_option(experiment, tmp_path, capsys, option,
     assert capsys.readouterr().err == words
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_several_bodies_in_one_campaign(tmp_path, capsys):
     path = tmp_path / "two.toml"
     path.write_text(TWO)

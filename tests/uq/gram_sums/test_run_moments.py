@@ -1,5 +1,8 @@
 """Covariance and expectation of Gram sums under noise, against derivatives of the sums with respect to every sample."""
 
+import functools
+import operator
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,12 +30,15 @@ def signals():
 def derivatives(signals):
     """First and second derivatives of the summed products by the noise of each sample, (products, 3 n) and twice."""
     products = run_moments(signals, VALID, TAPS).algebra.products
+    longest = max(map(len, products))
+    factors = np.array([[*product, *[len(signals)] * (longest - len(product))] for product in products], int)
 
     def sums(noise):
         noise = noise.reshape(3, N)
         alphas = [jnp.pad(derivative(noise, h), ((0, 0), (len(h),) * 2)) for h in TAPS]
         rows = jnp.asarray(signals) + jnp.concatenate([noise, *alphas, jnp.zeros((6, N))])
-        return jnp.stack([jnp.sum(jnp.prod(rows[np.array(p, int)], axis=0) * VALID) for p in products])
+        rows = jnp.concatenate([rows, jnp.ones((1, N))])
+        return jnp.sum(functools.reduce(operator.mul, (rows[column] for column in factors.T)) * VALID[None], axis=1)
 
     zero = jnp.zeros(3 * N)
     return jax.jit(jax.jacfwd(sums))(zero), jax.jit(jax.hessian(sums))(zero)
@@ -46,7 +52,8 @@ def test_white_noise_with_correlated_axes(signals, derivatives):
     first, second = map(np.asarray, derivatives)
     covariance = np.kron(SIZE, np.eye(N))
     half = second @ covariance
-    expected = first @ covariance @ first.T + 0.5 * np.einsum("aij,bji->ab", half, half)
+    flat, turned = (x.reshape(len(half), -1) for x in (half, half.swapaxes(1, 2)))
+    expected = first @ covariance @ first.T + 0.5 * flat @ turned.T
     moments, noise = run_moments(signals, VALID, TAPS), GyroNoise.white(SIZE)
     np.testing.assert_allclose(moments.covariance(noise), expected, atol=1e-10 * np.abs(expected).max())
     linear = first @ covariance @ first.T

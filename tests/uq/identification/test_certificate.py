@@ -119,6 +119,7 @@ def test_expanded_uncertainty_keeps_the_results_intervals_or_scales_them(plain):
     assert all("+" in row[2] and "−" in row[2] for row in of_tensor(skewed).rows(1e3))
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
     """A component that nothing bounds above, and one of which nothing is known."""
     covariance, interval = plain.covariance.copy(), plain.interval95.copy()
@@ -221,6 +222,7 @@ def test_the_decision_rule_decides(value, simple, guarded):
     assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
     fixture = InertialParameters(
         2.0, np.array([0.0, 0.0, 0.01]), np.diag([5e-3, 5e-3, 9e-3])[np.triu_indices(3)],
@@ -288,6 +290,7 @@ def result_of(html):
     return html[html.index('id="result"') : html.index('class="particulars"')]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(("part", "passes"), [(0.0, True), (0.333, True), (0.334, False), (np.nan, False)])
 def test_nothing_passes_while_u_leaves_out_more_than_a_third_of_itself(plain, part, passes):
     """No tick (that of a verdict without attention) and no sentence; nan: it is not known what undeclared errors do."""
@@ -299,6 +302,7 @@ def test_nothing_passes_while_u_leaves_out_more_than_a_third_of_itself(plain, pa
     assert ("I11: undecided while U leaves out undeclared errors." in page) is not passes
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_u_leaves_out_stands_beside_it(plain):
     """Root sum of squares of the rows of result.json, component by component, over u: the worst is named."""
     rows = [list(row["inertia"].values()) for row in plain.to_dict()["not_included"]]
@@ -319,6 +323,7 @@ def test_in_concise_notation_each_value_has_its_standard_uncertainty(plain):
     assert row[1] == f"{1e3 * plain.inertia[0]:.1f}({u:.1f})"
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):
     delay = Aligned(np.array([2.1e-3]), np.diag([1e-8]), np.array([[1.9e-3, 2.3e-3]]), np.array([0.01]))
     turned = Aligned(np.deg2rad([1.0, -2.0, 0.5]), np.diag(np.deg2rad([0.1] * 3) ** 2),
@@ -330,6 +335,7 @@ def test_delay_and_rotation_have_their_table_where_they_were_estimated(plain):
     assert "Alignment of load cell and IMU" in report(dataclasses.replace(plain, delay=delay, rotation=turned))
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_every_item_stands_on_the_page_and_nothing_is_lost(full):
     html = report(full)
     page = Reader(html)
@@ -368,6 +374,7 @@ def test_figures_of_runs_have_whole_numbers_and_labels_apart(plain):
     assert "runs" not in dataclasses.replace(plain, runs=plain.runs[:1]).figures()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_is_missing_is_not_stated(plain):
     text = Reader(report(plain)).text
     assert text.count("not stated") >= 12
@@ -375,6 +382,7 @@ def test_what_is_missing_is_not_stated(plain):
     assert "accredit" not in " ".join(text).lower().replace("no accreditation is claimed", "")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_warnings_of_dates_reach_result_and_page(runs):
     document = tomllib.loads(T1 + FULL)
     document["report"]["instrument"][0]["due"] = "2026-03-01"
@@ -402,6 +410,7 @@ def test_what_is_declared_is_not_assumed_away(runs, kind, unit, left):
     assert [text for text in result.assumptions if "aligned" in text] == [f"load cell and IMU are aligned {left}"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_the_number_is_that_of_the_content(plain):
     content = files(Certificate(plain))
     number = json.loads(content["result.json"])["certificate"]
@@ -423,6 +432,7 @@ def test_every_file_that_went_in_is_named_once():
     assert input_table(provenance).rows == [("a", "1"), ("b", "2"), ("c", "3")]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_hostile_particulars_are_text(plain):
     table = copy.deepcopy(tomllib.loads(FULL)["report"])
     table |= {"title": HOSTILE, "number": HOSTILE, "customer": {"name": HOSTILE}, "conditions": {HOSTILE: HOSTILE}}

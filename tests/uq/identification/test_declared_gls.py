@@ -80,7 +80,7 @@ def drawn(seed):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("runs", [2, pytest.param(30, marks=pytest.mark.study)])
+@pytest.mark.parametrize("runs", [pytest.param(2, marks=pytest.mark.slow), pytest.param(30, marks=pytest.mark.study)])
 def test_errors_of_declared_size_are_as_large_as_the_uncertainty_says(tmp_path, runs, monkeypatch):
     """Root mean square of errors over u, 1 if all is right; of 12 values, not independent, within 0.5 and 1.6."""
     few = partial(with_declared_sources, trials=500)

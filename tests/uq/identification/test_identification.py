@@ -97,6 +97,7 @@ def test_the_centre_of_gravitys_uncertainty_is_propagated(short, unjudged):
     np.testing.assert_allclose(stated.standard_uncertainty, expected, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_the_stated_bias_is_the_monte_carlos_mean_error(short):
     """Central differences of the gyro's noise: the mean error of 150 trials, and what one run says of it."""
     campaign = montecarlo(short, trials=150, trajectories=["T1"], estimators=["central"])

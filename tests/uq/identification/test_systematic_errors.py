@@ -206,7 +206,9 @@ def test_what_no_mounting_can_draw_anew_is_refused(constant, silent):
             with_declared_sources(result, [silent], whole, redrawn=[linked[0]])
 
 
-@pytest.mark.parametrize(("runs", "trials"), [(8, 500), pytest.param(300, 2000, marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    ("runs", "trials"), [pytest.param(8, 500, marks=pytest.mark.slow), pytest.param(300, 2000, marks=pytest.mark.study)]
+)
 def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, trials):
     """Rigs with these errors (all of them in the study) and noise, identified without knowing them but by declaration.
 

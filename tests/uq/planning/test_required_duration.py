@@ -108,6 +108,7 @@ def test_a_longer_trajectory_keeps_frequencies_and_ramps(preset):
         lasting(preset.trajectories["T1"], 50.0)
 
 
+@pytest.mark.slow
 def test_the_answer_holds_in_the_monte_carlo(longer, growth):
     """400 trials: the average 3σ has a standard error of about 2.5 %; within four of them (6e-5)."""
     target = average(growth.at(40.0).sum(axis=0), "moments")
@@ -152,6 +153,7 @@ def test_a_derivative_is_the_sources_share_of_the_variance(longer, worth):
     np.testing.assert_allclose(worth.derivative, shares, atol=3e-3)
 
 
+@pytest.mark.slow
 def test_a_halved_sigma_does_what_the_monte_carlo_says(longer, worth):
     """The same draws serve both campaigns, so that the ratio is better known than either figure, 1 %: 3 % are ample."""
     k = worth.sources.index(worth.best)

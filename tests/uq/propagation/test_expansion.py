@@ -48,6 +48,12 @@ def noise():
     return noise_expectation(*(0.1 * roots @ roots.swapaxes(1, 2)))
 
 
+def with_derivatives(function, at):
+    """Its value, first and second derivatives, as one program: three take longer to compile."""
+    slopes = jax.jacfwd(function)
+    return jax.jit(lambda x: (function(x), slopes(x), jax.jacfwd(slopes)(x)))(at)
+
+
 def test_its_derivatives_are_those_of_the_engines_equations(sums, noise):
     """All that a trial computes after its draws, by JAX; at errors as large as the signals."""
     generator = np.random.default_rng(53)
@@ -55,7 +61,6 @@ def test_its_derivatives_are_those_of_the_engines_equations(sums, noise):
     errors[DRAWN] = 0.1 * generator.normal(size=(len(DRAWN), 4))
     expected[np.setdiff1d(np.arange(SIZE), DRAWN)] = 0.0
 
-    @jax.jit
     def estimate(numbers):
         e = unravel(expected + errors @ numbers)
         gram, wrench = (a + e.gyro_delay * b + e.gyro_delay**2 / 2 * c for a, b, c in zip(*sums, strict=True))
@@ -72,10 +77,10 @@ def test_its_derivatives_are_those_of_the_engines_equations(sums, noise):
 
     maps = jax.tree.map(np.asarray, map_series(BODY, PLATFORM, COLUMNS, expected, errors, FIELDS))
     expansion, zero = expand(maps, sums, noise), np.zeros(4)
-    np.testing.assert_allclose(expansion.value, estimate(zero), rtol=1e-9)
-    slopes = jax.jacfwd(estimate)
-    np.testing.assert_allclose(expansion.jacobian, slopes(zero), rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(expansion.hessian, jax.jit(jax.jacfwd(slopes))(zero), rtol=1e-7, atol=1e-9)
+    value, jacobian, hessian = with_derivatives(estimate, zero)
+    np.testing.assert_allclose(expansion.value, value, rtol=1e-9)
+    np.testing.assert_allclose(expansion.jacobian, jacobian, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(expansion.hessian, hessian, rtol=1e-7, atol=1e-9)
 
 
 def some_equations():
@@ -86,11 +91,12 @@ def some_equations():
 
 def test_derivatives_of_the_solution_are_those_of_elimination():
     """Written out for ``x = A⁻¹ y``; by automatic differentiation of the solver that trials use."""
-    equations, slopes = some_equations(), jax.jacfwd(tensor_of)
+    equations = some_equations()
     value, first, second = solution_series(equations)
-    np.testing.assert_allclose(value, jax.jit(tensor_of)(equations), rtol=1e-9)
-    np.testing.assert_allclose(first, jax.jit(slopes)(equations), rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(second, jax.jit(jax.jacfwd(slopes))(equations), rtol=1e-8, atol=1e-12)
+    expected, slopes, curvatures = with_derivatives(tensor_of, equations)
+    np.testing.assert_allclose(value, expected, rtol=1e-9)
+    np.testing.assert_allclose(first, slopes, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(second, curvatures, rtol=1e-8, atol=1e-12)
 
 
 def test_a_singular_run_is_not_a_number():

@@ -108,6 +108,7 @@ def test_law_and_monte_carlo_agree(brief, prepared):
     assert sum(int(word) for row in whole for word in re.findall(r"\d+", row[2])) == 2 * 2 * 11 * 6
 
 
+@pytest.mark.slow
 def test_law_and_monte_carlo_agree_as_noise_shrinks(brief, prepared):
     """The quadratic terms vanish as the square: law, textbook and Monte Carlo are one in the limit."""
     small = scaled(brief.sources, 1e-3)
@@ -182,6 +183,7 @@ def agree(sources, links, trials, cases, estimators=("central", "smoothed")):
         assert (np.abs(theirs.mean_error - ours.mean_error) < 4 / 3 * ours.three_sigma).all()
 
 
+@pytest.mark.slow
 def test_smooth_sources_agree_with_the_monte_carlo():
     """One of each kind of error but rounding, which takes samples: 228 comparisons at 5 errors, 1e-4 false alarms."""
     names = (

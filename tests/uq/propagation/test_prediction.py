@@ -74,6 +74,7 @@ def test_a_noisy_gyro(preset):
     agree_in_mean(experiment, "T1", expected)
 
 
+@pytest.mark.slow
 def test_its_gradient_is_that_of_differences(short):
     spec = short.trajectories["T2"]
     prediction = Prediction.of(short, spec)

@@ -347,6 +347,7 @@ def covered(name, way, points, repeats, trials):
 WAYS = [(name, way) for name in CLOSED for way in ("shapley", "sobol", "walks") if (name, way) != ("gaussian", "sobol")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", POINTS)
 @pytest.mark.parametrize(("name", "way"), [("ishigami", "sobol"), ("g", "shapley"), ("gaussian", "walks")])
 def test_standard_errors_cover_the_closed_form(name, way, points):

@@ -268,6 +268,7 @@ def test_choices_are_the_campaigns_own_trials(brief, engine):
     np.testing.assert_allclose(errors[:, -8 + 0b101], other, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_each_alone_has_the_campaigns_mean_error(quiet, result):
     campaign = montecarlo(quiet, trials=60, trajectories="T1")
     for estimator in ("central", "smoothed"):

@@ -232,6 +232,7 @@ def test_drawn_correlated_noise_has_the_distribution_of_its_samples():
     assert (np.abs(one - two) < 5 * error).all()
 
 
+@pytest.mark.slow
 def test_constant_errors_beside_noise_are_the_same_by_samples_and_on_sums():
     """Correlated constants of every kind, and a delay, over the seam of two blocks: the cases without noise agree."""
     link = [{"sources": ["s0", "s6"], "coefficient": 0.5}]

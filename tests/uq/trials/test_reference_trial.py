@@ -85,6 +85,7 @@ def statistics(reference, truth, brief, groups):
     return {name: Statistics.of(errors[:, k]) for k, name in enumerate(groups)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
 def test_an_engines_campaign_has_the_references_distribution(statistics, brief, engine):
     """4 groups, 6 components, 2 figures, 2 engines: 96 comparisons at 4.5 standard errors, a false alarm in 1,500."""

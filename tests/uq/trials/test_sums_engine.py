@@ -79,6 +79,7 @@ def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief, of_t1):
     assert "600 quasi-random trials" in few.title()
 
 
+@pytest.mark.slow
 def test_quasi_random_trials_know_more_and_say_how_much(of_t1):
     """Against 40,000 random trials, ten seeds of 1,024: the mean square errors of 3σ and of the average of 3σ are less
     than a third of random ones', and 3σ, mean error, both ends and the average lie within two of their standard errors,
@@ -142,6 +143,7 @@ def test_without_errors_the_truth_comes_out(brief):
 MANY = Experiment.load(Path(__file__).parents[3] / "docs" / "experiments" / "many-errors.toml")
 
 
+@pytest.mark.slow
 def test_every_kind_of_error_alone_and_all_together():
     """``many-errors.toml``, 28 cases: 3σ and mean error of each component, 672 figures at 5 standard errors."""
     by_samples = montecarlo(MANY, trials=300, seed=1, plan=IN_FLOAT32)
@@ -161,7 +163,12 @@ def test_every_kind_of_error_alone_and_all_together():
     "noise",
     [
         source("w", "omega", "precision", distribution="rectangular", half_width=["0.03 rad/s"] * 3),
-        source("w", "omega", "precision", distribution="student_t", scale=["0.013 rad/s"] * 3, degrees_of_freedom=6),
+        pytest.param(
+            source(
+                "w", "omega", "precision", distribution="student_t", scale=["0.013 rad/s"] * 3, degrees_of_freedom=6
+            ),
+            marks=pytest.mark.slow,
+        ),
         source("w", "omega", "precision", sigma=["0.016 rad/s"] * 3, correlation=[[1, 0.8, 0], [0.8, 1, 0], [0, 0, 1]]),
     ],
     ids=["rectangular", "student", "correlated axes"],
