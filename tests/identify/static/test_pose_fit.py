@@ -1,8 +1,5 @@
 """Static poses: honest intervals, what the poses determine, a scale beside the load cell, creep, recorded attitudes."""
 
-import dataclasses
-import json
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -129,16 +126,6 @@ def test_the_pose_that_creeps_is_named_and_a_drift_in_all_is_said(generator):
     assert not creeps.any()
 
 
-@pytest.fixture
-def written(tmp_path, generator):
-    result = dataclasses.replace(
-        series(generator, tilt=0.35, alignment=1e-3), provenance={"inputs": [{"file": "p.csv"}]}
-    )
-    path = tmp_path / "centre.json"
-    path.write_text(json.dumps(result.to_dict()))
-    return path, result
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -159,8 +146,8 @@ def written(tmp_path, generator):
         (lambda c: {k: v for k, v in c.items() if k != "offsets"}, "offsets.force.value of centre.json is missing"),
     ],
 )
-def test_files_that_are_no_centre(written, change, words):
-    _, result = written
+def test_files_that_are_no_centre(generator, change, words):
+    content = series(generator, tilt=0.35, alignment=1e-3).to_dict()
     with pytest.raises(RunError, match=words) as error:
-        Centre.from_dict(change(result.to_dict()))
+        Centre.from_dict(change(content))
     assert "\n" not in str(error.value)

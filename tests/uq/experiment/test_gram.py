@@ -8,14 +8,13 @@ from identify.estimators.gram import solve
 from identify.estimators.least_squares import ordinary
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.gram_lab import accumulate
+from uq.campaign.trial_setup import true_motion
 
 R = jnp.array([0.01, -0.02, 0.053])
 
 
 def test_conditioning_of_the_sums_is_enough_for_the_presets_motion(preset):
     """The normal equations square the condition number: on T1 that costs nothing (QR agrees to 1e-11)."""
-    from uq.campaign.trial_setup import true_motion
-
     motion = true_motion(preset, preset.trajectories["T1"])
     tensor = preset.body.inertia
     rows = jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha)

@@ -14,6 +14,7 @@ from tests.helpers.commands import refused
 from tests.helpers.pose_lab import R_CG, TRUTH, directions, series, wrench_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
+from uq.identification.centre_prior import load_centre
 from uq.identification.static_centre import centre_file
 
 
@@ -84,21 +85,11 @@ def test_the_platforms_pose_tells_the_attitude_and_the_pose_that_creeps_is_left_
     assert "the z axis of the recorded poses' frame points up" in result.assumptions
 
 
-@pytest.fixture
-def written(tmp_path, generator):
-    result = dataclasses.replace(
-        series(generator, tilt=0.35, alignment=1e-3), provenance={"inputs": [{"file": "p.csv"}]}
-    )
-    path = tmp_path / "centre.json"
-    path.write_text(json.dumps(result.to_dict()))
-    return path, result
-
-
-def test_a_centre_is_read_back_as_it_was(written):
-    from uq.identification.centre_prior import load_centre
-
-    path, result = written
-    back = load_centre(path)
+def test_a_centre_is_read_back_as_it_was(tmp_path, generator):
+    found = series(generator, tilt=0.35, alignment=1e-3)
+    result = dataclasses.replace(found, provenance={"inputs": [{"file": "p.csv"}]})
+    (tmp_path / "centre.json").write_text(json.dumps(result.to_dict()))
+    back = load_centre(tmp_path / "centre.json")
     for name in ("values", "covariance", "residuals", "interval95", "lasting"):
         np.testing.assert_array_equal(getattr(back, name), getattr(result, name))
     assert back.provenance == result.provenance
