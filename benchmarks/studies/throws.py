@@ -15,11 +15,11 @@ import jax
 import numpy as np
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, thrown_by_sysid
-from identify.estimators.regressor_rows import rows_of
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
+from identify.sums.regressor_rows import rows_of
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run

@@ -2,7 +2,7 @@
 
     i = (Σ Xᵀ W X)⁻¹ Σ Xᵀ W y,    W = (S + L Σ Lᵀ)⁻¹
 
-over the lines of the cosine transform (:mod:`identify.signals.residual_spectrum`). Ordinary least squares (10) takes
+over the lines of the cosine transform (:mod:`identify.sums.residual_spectrum`). Ordinary least squares (10) takes
 all errors for white and equal; those of ``M - r × F`` are neither: the force's noise reaches it through r and joins
 the axes; filters, drift and vibration colour it; and the error of r itself follows the force, ``L``, by as much as is
 stated of it, ``Σ``. ``S`` is estimated from the residuals, less what r's error explains of them, and the fit repeated
@@ -11,7 +11,7 @@ take part: beyond them rows hold nothing but the gyro's noise, which weights cou
 few to learn weights from, the run is fitted by ordinary least squares.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,17 +20,23 @@ from identify.choices import OffsetChoice
 from identify.estimators.least_squares import excitation
 from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
-from identify.estimators.regressor_rows import rows_of
-from identify.estimators.residual_trace import trace
-from identify.estimators.run_information import Information, alpha_noise, gain_error, information_of_rows
+from identify.estimators.run_information import (
+    Information,
+    alpha_noise,
+    gain_error,
+    information_of_lines,
+    without_offsets,
+)
 from identify.rigid_body.inertia import unpack
-from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
-from identify.signals.residual_spectrum import Lines, Spectrum, spectrum
 from identify.signals.run import Run
+from identify.sums.residual_spectrum import Lines, Spectrum, reach, spectrum
+from identify.sums.residual_trace import trace
+from identify.sums.run_lines import FORCE, RunLines, run_lines
 
 ROUNDS = 4
 """Fits, each with the spectrum of the one before."""
@@ -86,7 +92,7 @@ class WeightedFit(NamedTuple):
     weights: np.ndarray
     """``S⁻¹`` of the lines that take part, (k, 3, 3)."""
     residuals: np.ndarray
-    """Residuals of all lines, (m, 3)."""
+    """Residuals of the lines that are given, (m, 3)."""
     spectrum: Spectrum
 
 
@@ -98,62 +104,79 @@ def whitened(
     Arguments and errors are those of :func:`identify.estimators.run_information.information`; ``sigma_r_cg`` is the
     centre of gravity's standard uncertainty on each axis [m].
     """
-    rows = rows_of(run, estimator)
-    plain, lines = information_of_rows(run, rows, estimator, r_cg, offsets=offsets), rows.lines
-    unweighted = rows.centred if offsets == "estimate" else rows.transformed
-    passed = response(estimator.filter_taps(run.rate), run.rate, lines.frequency)
-    inside = _inside(run, lines, passed)
+    record = run_lines(run, estimator)
+    lines, plain = record.lines, information_of_lines(record, estimator, r_cg, offsets=offsets)
+    unweighted = without_offsets(record, offsets)
+    power_gain = response(estimator.filter_taps(run.rate), run.rate, lines.frequency) ** 2
+    inside = _inside(run, lines, power_gain)
     if inside < lines.constants + FEWEST:
-        return _unweighed(plain, unweighted)
-    force, moment, motion = rows.force.T, rows.moment.T, rows.phi
-    mean_force = force.mean(axis=0)
-    if offsets == "still":
-        force, moment = force - resting(run).force, moment - resting(run).moment
-    about_cg = moment - np.cross(r_cg, force)
-    x, y, pushes = rows.transformed, lines.transform(about_cg), lines.transform(force)
+        return _unweighed(plain, unweighted[:])
+    used = unweighted if offsets == "still" else record
+    near = slice(0, reach(inside, len(record), WIDER))
+    x, y, pushes = used[near], used.about_cg(r_cg, near), used.part(near)[FORCE].T
     lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
-    constants = lines.constant[:, None, None] * np.eye(3)
+    constants = lines.constant[near, None, None] * np.eye(3)
     free = constants if offsets == "estimate" else constants[:, :, :0]
     columns = np.concatenate([x, free, lever * sigma_r_cg], axis=2)
     prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
-    fit = fitted(columns, y, inside, lines.constants, passed**2, prior)
-    shape = _shape(run, estimator, lines.frequency)[:inside]
+    fit = fitted(columns, y, inside, lines.constants, power_gain[near], prior)
+    inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency)[:inside]
     sides = (y[:inside], lever[:inside])
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
-    noise_of_fit = np.outer(shape, unpack(fit.value[:6]) ** 2 @ alpha_noise(run, estimator) ** 2)
-    angle = lines.transform(angle_turned(motion[OMEGA].T, rows.segments, run.rate))
-    follows = motion_columns(
-        x[:inside] @ fit.value[:6], pushes[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit
-    )
-    roomy, remaining, freedom = _with_room(weighed, columns[:inside], follows, fit)
-    longer = ((0, len(x) - inside), (0, 0), (0, 0))
-    every = np.concatenate([np.pad(weighed, longer), unweighted, np.pad(roomy, longer)], axis=2)
-    scores = spectrum(remaining, freedom, lines.constants, passed**2).scores(every)
+    noise_of_fit = np.outer(shape, unpack(inertia) ** 2 @ alpha_noise(run, estimator) ** 2)
+    angle = lines.transform(angle_turned(record.omega, lines.segments, run.rate))[:inside]
+    follows = motion_columns(x[:inside] @ inertia, pushes[:inside], angle, lines.frequency[:inside], noise_of_fit)
+    room = _with_room(weighed, columns[:inside], follows, fit)
+    fitted_moment = fit.value[6:9] if offsets == "estimate" else np.zeros(3)
+    at_fit = used.less_wrench(np.zeros(3), fitted_moment), r_cg - sigma_r_cg * fit.value[-3:]
+    remaining, freedom = at_fit[0].residuals(inertia, at_fit[1]), np.ones((len(record), 3))
+    remaining[:inside] -= room.residuals
+    freedom[:inside] = room.free
+    every = RowsSideBySide(weighed, room.rows, unweighted)
+    scores = spectrum(remaining, freedom, lines.constants, power_gain).scores(every)
     weighted_scores = fit.spectrum.scores(weighed)
-    residuals, removed = about_cg - rows.inertial_moment(fit.value[:6]), None
     if offsets == "estimate":
-        removed = Offsets(fit.value[6:9], fit.inverse[6:9, 6:9], mean_force)
-        residuals, about_cg = residuals - removed.moment, about_cg - removed.moment
+        removed = Offsets(fitted_moment, fit.inverse[6:9, 6:9], record.means[FORCE])
+        used = at_fit[0]
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
-        by_constant = _times(every, constants)
+        by_constant = _times(every[: lines.constants], constants[: lines.constants])
         constant_scores = by_constant @ removed.covariance @ by_constant.T
         scores, weighted_scores = scores + constant_scores, weighted_scores + constant_scores[:6, :6]
-    noise, spread = (
-        _noise(alpha_noise(run, estimator), fit.weights, shape),
-        np.linalg.pinv(weighted.normal, hermitian=True),
-    )
+    else:
+        removed = None
+    noise = _noise(alpha_noise(run, estimator), fit.weights, shape)
+    spread = np.linalg.pinv(weighted.normal, hermitian=True)
+    residuals = lines.samples(used.residuals(inertia, r_cg))
     estimate = Information(
         run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
         excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
         correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
-        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed @ spread),
-        trace=trace(run.t[rows.instants], residuals, about_cg, motion[OMEGA].T, motion[ALPHA].T), weighed=weighed,
+        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread),
+        trace=trace(record.t, residuals, used.moment_in_time(r_cg), record.motion), weighed=weighed,
     )  # fmt: skip
-    return Weighed(
-        weighted=estimate, plain=plain, extended=_equations_of(roomy, x[:inside], *sides), scores=scores, enough=True
-    )
+    extended = _equations_of(room.rows, x[:inside], *sides)
+    return Weighed(weighted=estimate, plain=plain, extended=extended, scores=scores, enough=True)
+
+
+@dataclass(frozen=True, eq=False)
+class RowsSideBySide:
+    """The rows of three estimates side by side: weighted, unweighted, and with unknowns for what follows the motion."""
+
+    weighed: np.ndarray
+    roomy: np.ndarray
+    unweighted: RunLines
+    """Rows of all lines; those of the weighted estimates are of the first lines alone, and zero beyond."""
+
+    def __len__(self) -> int:
+        return len(self.unweighted)
+
+    def __getitem__(self, part: slice) -> np.ndarray:
+        unweighted = self.unweighted[part]
+        few = [rows[part] for rows in (self.weighed, self.roomy)]
+        first, last = (np.pad(rows, ((0, len(unweighted) - len(rows)), (0, 0), (0, 0))) for rows in few)
+        return np.concatenate([first, unweighted, last], axis=2)
 
 
 def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
@@ -185,10 +208,19 @@ def _reduced(columns: np.ndarray, fit: WeightedFit) -> np.ndarray:
     return np.einsum("mab,mbp->map", fit.weights, columns[:, :, :6] - columns[:, :, 6:] @ share)
 
 
-def _with_room(
-    weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: WeightedFit
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows with more columns eliminated, the rest of the residuals, and the degrees of freedom.
+class Eliminated(NamedTuple):
+    """Effect of further columns on a fit, of the lines that take part."""
+
+    rows: np.ndarray
+    """Rows of the fit's equations of the tensor, the columns eliminated, (k, 3, 6)."""
+    residuals: np.ndarray
+    """Part of the residuals that the columns explain, (k, 3)."""
+    free: np.ndarray
+    """Degrees of freedom that are left, (k, 3)."""
+
+
+def _with_room(weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: WeightedFit) -> Eliminated:
+    """Return the effect of further columns on a fit.
 
     Directions of these columns that the other columns nearly span stay out.
     """
@@ -200,12 +232,13 @@ def _with_room(
     inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * np.outer(
         scale, scale
     )
-    rows = weighed - weighed_reduced @ inverse @ _times(weighed, more).T
-    residuals = fit.residuals.copy()
-    residuals[: len(more)] -= reduced @ inverse @ np.einsum("maz,ma->z", weighed_reduced, fit.residuals[: len(more)])
-    free = fit.spectrum.free.copy()
-    free[: len(more)] -= np.einsum("maz,zy,may->ma", reduced, inverse, weighed_reduced, optimize=True)
-    return rows, residuals, np.clip(free, 0, 1)
+    inside = len(more)
+    taken = np.einsum("maz,zy,may->ma", reduced, inverse, weighed_reduced, optimize=True)
+    return Eliminated(
+        rows=weighed - weighed_reduced @ inverse @ _times(weighed, more).T,
+        residuals=reduced @ inverse @ np.einsum("maz,ma->z", weighed_reduced, fit.residuals[:inside]),
+        free=np.clip(fit.spectrum.free[:inside] - taken, 0, 1),
+    )  # fmt: skip
 
 
 def fitted(
@@ -233,7 +266,7 @@ def fitted(
         taken = np.einsum("map,pq,mbq,mba->ma", taking, inverse, taking, weights, optimize=True)
         free[:inside] = np.clip(1 - taken, 0, 1)
         residuals = values - columns @ value
-        weights = np.linalg.inv(spectrum(residuals, free, constants, gain, wider=WIDER).values[:inside])
+        weights = np.linalg.inv(spectrum(residuals, free, constants, gain, wider=WIDER).at(slice(0, inside)))
     normal, right = _equations(taking, weights, values[:inside, :, None])
     normal = normal + before
     inverse = np.linalg.pinv(normal, hermitian=True)
@@ -249,10 +282,10 @@ def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> t
     return np.tensordot(weighed, columns, axes=((0, 1), (0, 1))), np.tensordot(weighed, sides, axes=((0, 1), (0, 1)))
 
 
-def _inside(run: Run, lines: Lines, passed: np.ndarray) -> int:
+def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:
     """Return the number of lines that the motion reaches and the filter passes."""
     reached = lines.frequency <= REACH * run.band
-    return int((reached & (passed >= HALF)).sum())
+    return int((reached & (power_gain >= HALF**2)).sum())
 
 
 def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:

@@ -14,10 +14,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Bool, Float
 
-from identify.estimators.regressor_rows import filtered
 from identify.exceptions import explains_names
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
+from identify.sums.regressor_rows import filtered
 
 N_FEATURES = len(OMEGA_R_OF_FEATURES)
 

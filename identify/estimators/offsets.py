@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.rigid_body.dynamics import specific_force_at
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
+from identify.rigid_body.regressor import cross_matrix
 from identify.signals.run import Rest, Run, RunError
 from identify.signals.segments import Segment
 
@@ -31,7 +31,7 @@ class Offsets(NamedTuple):
 
 
 def estimated(
-    phi: np.ndarray,
+    rows: np.ndarray,
     force: np.ndarray,
     moment: np.ndarray,
     r_cg: np.ndarray,
@@ -40,7 +40,6 @@ def estimated(
     mean_covariance: np.ndarray,
 ) -> Offsets:
     """Return the offset that the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
-    rows = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, phi)
     return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, mean_covariance + rows @ covariance @ rows.T, force)
 
 

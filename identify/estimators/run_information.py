@@ -2,7 +2,7 @@
 
 The rows' noise is taken from the residuals. These are correlated in time, the more so behind a filter, and across the
 axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum
-(:mod:`identify.signals.residual_spectrum`), not by the textbook ``σ²(ΩᵀΩ)⁻¹``.
+(:mod:`identify.sums.residual_spectrum`), not by the textbook ``σ²(ΩᵀΩ)⁻¹``.
 """
 
 from dataclasses import dataclass
@@ -10,19 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.estimators.gram import Sums, normal_equations, sums_of
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.offsets import Offsets, estimated, rested, resting
-from identify.estimators.regressor_rows import Rows, rows_of
-from identify.estimators.residual_trace import Trace, trace
-from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.power_spectrum import noise_level, welch
-from identify.signals.residual_spectrum import Lines, Spectrum, leverage, spectrum
 from identify.signals.run import Run
+from identify.sums.residual_spectrum import Spectrum, leverage, spectrum
+from identify.sums.residual_trace import Trace, trace
+from identify.sums.run_lines import FORCE, MOMENT, MOTION, OMEGA_R_OF_ACTING, RunLines, run_lines
 
 
 @dataclass(frozen=True)
@@ -91,71 +90,69 @@ def information(run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets
     Raises:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
-    return information_of_rows(run, rows_of(run, estimator), estimator, r_cg, offsets=offsets)
+    return information_of_lines(run_lines(run, estimator), estimator, r_cg, offsets=offsets)
 
 
-def information_of_rows(
-    run: Run, rows: Rows, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice
+def information_of_lines(
+    lines: RunLines, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice
 ) -> Information:
-    """Return :func:`information` from the rows that the estimator made of the run."""
-    phi, force, moment = rows.phi, rows.force, rows.moment
-    count, motion = phi.shape[1], phi
-    means = [signal.mean(axis=1, keepdims=True) for signal in (phi, force, moment)]
-    if offsets == "estimate":
-        phi, force, moment = (signal - mean for signal, mean in zip((phi, force, moment), means, strict=True))
-    elif offsets == "still":
-        force, moment = force - resting(run).force[:, None], moment - resting(run).moment[:, None]
-    normal, right, by_centre = _equations(sums_of(phi, force, moment), r_cg)
-    inertia = np.linalg.pinv(normal, hermitian=True) @ right
-    about_cg = moment - np.cross(r_cg, force, axisb=0, axisc=0)
-    residuals = about_cg.T - phi.T @ (OMEGA_R_OF_FEATURES @ inertia)
-    transformed = rows.centred if offsets == "estimate" else rows.transformed
+    """Return :func:`information` from what the run leaves behind the estimator."""
+    run, count = lines.run, len(lines)
+    used = without_offsets(lines, offsets)
+    normal, right, by_centre = _equations(used.products(), r_cg)
     spread = np.linalg.pinv(normal, hermitian=True)
-    errors = _spectrum(
-        lines=rows.lines, rows=transformed, residuals=residuals, inverse=spread, estimator=estimator, rate=run.rate,
-        offsets=offsets,
-    )  # fmt: skip
-    scores = errors.scores(transformed)
+    inertia = spread @ right
+    residuals = used.residuals(inertia, r_cg)
+    errors = _spectrum(used, residuals, spread, estimator, offsets)
+    scores = errors.scores(used)
     sigma = alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
-        mean_covariance = errors.values[0] / count
-        mean_phi, mean_force, mean_moment = (mean[:, 0] for mean in means)
         removed = estimated(
-            phi=mean_phi, force=mean_force, moment=mean_moment, r_cg=r_cg, inertia=inertia,
-            covariance=spread @ scores @ spread, mean_covariance=mean_covariance,
+            rows=lines.mean_regressor, force=lines.means[FORCE], moment=lines.means[MOMENT], r_cg=r_cg, inertia=inertia,
+            covariance=spread @ scores @ spread, mean_covariance=errors.at(slice(0, 1))[0] / count,
         )  # fmt: skip
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
-        total = count * np.einsum("kji,k->ij", OMEGA_R_OF_FEATURES, means[0][:, 0])
+        total = count * lines.mean_regressor.T
         scores = scores + total @ removed.covariance @ total.T
+    in_time = lines.lines.samples(residuals)
     return Information(
         run=run, normal=normal, right=right, right_by_centre=by_centre, noise=noise, inertia=inertia, scores=scores,
-        excitation=excitation(normal, noise), offsets=removed, residual=residuals.std(axis=0),
-        correlation_time=correlation_time(residuals), rows=count, gain_error=gain_error(run, estimator),
-        degrees_of_freedom=errors.degrees_of_freedom(transformed @ spread),
-        trace=trace(run.t[rows.instants], residuals, about_cg.T, motion[OMEGA].T, motion[ALPHA].T),
+        excitation=excitation(normal, noise), offsets=removed, residual=in_time.std(axis=0),
+        correlation_time=correlation_time(in_time), rows=count, gain_error=gain_error(run, estimator),
+        degrees_of_freedom=errors.degrees_of_freedom(used, spread),
+        trace=trace(lines.t, in_time, used.moment_in_time(r_cg), lines.motion),
     )  # fmt: skip
 
 
-def _equations(sums: Sums, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal equations at a centre of gravity, and the derivative of their right side, which is linear in it."""
-    normal, right = map(np.asarray, normal_equations(sums, r_cg))
-    shifted = [normal_equations(sums, r_cg + unit)[1] for unit in np.eye(3)]
-    return normal, right, np.array(shifted).T - right[:, None]
+def without_offsets(lines: RunLines, offsets: OffsetChoice) -> RunLines:
+    """Return a run's lines less what stands for constant offsets: the means of all signals, or the wrench at rest."""
+    if offsets == "estimate":
+        return lines.less(lines.means)
+    return lines.less_wrench(resting(lines.run).force, resting(lines.run).moment) if offsets == "still" else lines
+
+
+def _equations(products: np.ndarray, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal equations from the signals' products, and the derivative of their right side by the centre of gravity."""
+    normal = np.einsum("kai,kl,laj->ij", OMEGA_R_OF_ACTING, products[MOTION, MOTION], OMEGA_R_OF_ACTING, optimize=True)
+    by_force, by_moment = (np.einsum("kai,kb->iab", OMEGA_R_OF_ACTING, products[MOTION, s]) for s in (FORCE, MOMENT))
+    # (Ωᵀ(M - r × F))_i = Σ_a Ω_ai (M - r × F)_a
+    by_centre = -np.einsum("iab,cab->ic", by_force, np.array([cross_matrix(unit) for unit in np.eye(3)]))
+    return (normal + normal.T) / 2, np.einsum("iaa->i", by_moment) + by_centre @ r_cg, by_centre
 
 
 def _spectrum(
-    lines: Lines, rows: np.ndarray, residuals: np.ndarray, inverse: np.ndarray, estimator: EstimatorSpec,
-    rate: float, offsets: OffsetChoice,
-) -> Spectrum:  # fmt: skip
+    lines: RunLines, residuals: np.ndarray, inverse: np.ndarray, estimator: EstimatorSpec, offsets: OffsetChoice
+) -> Spectrum:
     """The errors' spectrum from the residuals of least squares."""
-    free = 1 - leverage(rows, inverse)
+    at = lines.lines
+    free = 1 - leverage(lines, inverse)
     if offsets == "estimate":
-        free = np.clip(free - lines.constant[:, None] ** 2 / len(residuals), 0, 1)
-    passed = response(estimator.filter_taps(rate), rate, lines.frequency) ** 2
-    return spectrum(lines.transform(residuals), free, lines.constants, passed)
+        free = np.clip(free - at.constant[:, None] ** 2 / len(residuals), 0, 1)
+    passed = response(estimator.filter_taps(lines.run.rate), lines.run.rate, at.frequency) ** 2
+    return spectrum(residuals, free, at.constants, passed)
 
 
 def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:

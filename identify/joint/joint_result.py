@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import Offsets
-from identify.estimators.residual_trace import Trace, trace
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
@@ -26,6 +25,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
+from identify.sums.residual_trace import Trace, thinned, trace
 
 FORCE_ASSUMPTION = {
     "still": "the centre of gravity stays where it is: the specific force is gravity's, through the gyro's attitude",
@@ -245,7 +245,8 @@ def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     at = PredictedWrench(fitted_run.model, theta)
     residuals = at.counted(at.residuals[:, :, None])[:, -3:, 0]
     signals, needed = at.signals, at.regressor @ at.x["inertia"]
-    return trace(float(fitted_run.run.t[0]) + signals.t, residuals, needed + residuals, signals.omega, signals.alpha)
+    motion = thinned(np.hstack([signals.omega, signals.alpha]))
+    return trace(float(fitted_run.run.t[0]) + signals.t, residuals, needed + residuals, motion)
 
 
 def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:

@@ -35,8 +35,8 @@ from identify.results.held_out_result import HeldOut
 from identify.results.held_out_run import HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
-from identify.signals.residual_spectrum import spectrum
 from identify.signals.run import Run
+from identify.sums.residual_spectrum import spectrum
 
 WIDER = 3
 """Width of the noise spectrum's windows over that of the estimators' windows.
@@ -162,9 +162,8 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     size = np.maximum(np.sqrt((rows**2).mean(axis=0)), 1e-300)
     shown = spectrum(rows / size, freedom, 0, wider=WIDER)
     values = shown.values * np.outer(size, size)
-    return ResidualNoise(
-        np.concatenate(frequency)[order], values, freedom.sum(axis=0), (shown.last - shown.first).astype(float)
-    )
+    first, last = shown.windows(slice(None))
+    return ResidualNoise(np.concatenate(frequency)[order], values, freedom.sum(axis=0), (last - first).astype(float))
 
 
 def _frequencies(fit: RunFit) -> np.ndarray:

@@ -6,13 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.regressor_rows import rows_of
 from identify.judge.findings import Finding
 from identify.judge.resonance import ABOVE
 from identify.results.identification_result import Identification
 from identify.results.residual_cause import ResidualCause
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.rounding import significant
 from identify.signals.run import Run
+from identify.sums.regressor_rows import rows_of
 
 CHANCE = 1e-5
 """Chance of a false line in pure noise, over all frequencies and axes.
@@ -58,7 +59,8 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
     rows = rows_of(run, replace(result.estimator, lowpass=None))
     if rows.phi.shape[1] < SHORTEST:
         return []
-    residuals = rows.moment.T - np.cross(result.r_cg, rows.force.T) - rows.inertial_moment(result.inertia)
+    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
+    residuals = moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
     resonance = line(residuals, run.rate, above=ABOVE * run.band)
     if resonance is None or resonance.share < LEAST:
         return []

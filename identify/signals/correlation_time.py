@@ -7,13 +7,16 @@ from jaxtyping import Float
 
 def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
     """Return the integrated correlation time [samples] of the axis where it is longest, to the first zero crossing."""
-    n = len(signal)
+    return float(min(max(map(_of_axis, signal.T), default=1.0), len(signal) / 4))
+
+
+def _of_axis(values: Float[np.ndarray, " n"]) -> float:
+    """Return the integrated correlation time [samples] of one axis; 1 where it is constant zero."""
+    n = len(values)
     size = scipy.fft.next_fast_len(2 * n - 1, real=True)
-    power = np.abs(np.fft.rfft(signal, size, axis=0)) ** 2
-    correlation = np.fft.irfft(power, size, axis=0)[:n]
-    times = []
-    for axis in correlation.T:
-        if axis[0] > 0:
-            negative = np.flatnonzero(axis <= 0)
-            times.append(1 + 2 * axis[1 : negative[0] if len(negative) else n].sum() / axis[0])
-    return float(min(max(times, default=1.0), n / 4))
+    lines = np.fft.rfft(values, size)
+    correlation = np.fft.irfft(lines.real**2 + lines.imag**2, size)[:n]
+    if not correlation[0] > 0:
+        return 1.0
+    negative = np.flatnonzero(correlation <= 0)
+    return float(1 + 2 * correlation[1 : negative[0] if len(negative) else n].sum() / correlation[0])

@@ -9,7 +9,6 @@ import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import rest_of
-from identify.estimators.regressor_rows import check_rate
 from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.alignment_prior import Alignment
@@ -23,6 +22,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
 from identify.static.centre_result import Centre
+from identify.sums.regressor_rows import check_rate
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import cautions

@@ -10,23 +10,25 @@ tensor of disturbed signals is ``(Hᵀ Omega_R')⁻¹ Hᵀ (M' - r' × F')``. Wh
 by the errors is that of the estimate. H takes the place of the undisturbed elements in the sums.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
-from identify.estimators.regressor_rows import unbroken, usable_rows
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
+from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES, Array, features, library_of
+from identify.signals.differentiate import derivative
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.gravity_direction import upward_by_force
 from identify.signals.resample import uniform_spline
-from identify.signals.residual_spectrum import Lines
-from identify.signals.run import Run, RunError
+from identify.signals.run import Rest, Run, RunError
+from identify.sums.regressor_rows import unbroken, usable_rows
+from identify.sums.residual_spectrum import Lines
 from uq.gram_sums.case_equations import feature_map
 from uq.gram_sums.error_maps import Columns, gyro_map
 from uq.sources.constant_errors import Errors
@@ -39,6 +41,13 @@ REACH = 5.0
 """Standard deviations of a delay that the nodes span."""
 FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
 """Indices of the thirteen features among the elements."""
+FORCE, MOMENT, UP = (slice(ELEMENTS + k, ELEMENTS + k + 3) for k in (0, 3, 6))
+"""Slices of force, moment and upward direction among a run's signals, the elements coming first."""
+SIGNALS = UP.stop
+BLOCK = 2**15
+"""Samples of a block."""
+SPLINE = 64
+"""Samples at a block's end that the spline through it may be wrong in; it is wrong by 0.27 to this power."""
 
 
 class WeightedSums(NamedTuple):
@@ -86,38 +95,109 @@ def run_sums(
     Raises:
         RunError: the delays take more than half of the run.
     """
+    taken = estimator.lost(run.rate)
+    keep = usable_rows(run, len(run.t) - taken)
     lost = int(np.ceil(np.abs(delays).max() * run.rate))
-    plain = elements_of(run, run.omega, estimator)
-    keep = usable_rows(run, plain.shape[1])
-    reached = (keep >= lost) & (keep < plain.shape[1] - lost)
-    inside = keep[reached]
-    if 2 * len(inside) < len(keep):
+    reached = (keep >= lost) & (keep < len(run.t) - taken - lost)
+    if 2 * reached.sum() < len(keep):
         raise RunError(
             f"a delay of up to {np.abs(delays).max():.3g} s is declared, which takes more than half of {run.name}: "
             "record for longer, or declare what is known of the delay"
         )
-    span = slice(inside[0], inside[-1] + 1) if len(inside) == np.ptp(inside) + 1 else inside  # a slice copies nothing
-    wrench = _columns(
-        run=run, elements=plain, estimator=estimator, r_cg=r_cg, inertia=inertia, columns=columns, offsets=offsets
-    )[:, span]
-    if offsets == "estimate":
-        wrench = wrench - wrench.mean(axis=1, keepdims=True)
-    fixed = None
-    if weighed is not None:
-        fixed = Lines.of(unbroken(keep), run.rate).samples(weighed)[reached].reshape(-1, ELEMENTS).T
+    fixed = None if weighed is None else _in_time(weighed, Lines.of(unbroken(keep), run.rate))[:, reached]
+    inside, up = keep[reached], upward_by_force(run, r_cg) if columns.motion else np.zeros_like(run.force)
+    products, totals = (
+        np.zeros((len(delays), ELEMENTS, ELEMENTS + SIGNALS)),
+        np.zeros((len(delays), ELEMENTS + SIGNALS)),
+    )
+    for start in range(0, len(inside), BLOCK):
+        rows = inside[start : start + BLOCK]
+        first, last = max(rows[0] - SPLINE - lost, 0), rows[-1] + taken + SPLINE + lost + 1
+        part = {name: getattr(run, name)[first:last] for name in ("t", "force", "moment", "omega")}
+        block = replace(run, **part, missing=None)
+        own = None if fixed is None else fixed[:, start : start + len(rows)]
+        for k, (row, signals) in enumerate(
+            delayed_signals(block, up[first:last], rows - first, estimator, delays, begin=run.t[0])
+        ):
+            products[k] += (row if own is None else own) @ signals.T
+            totals[k] += signals.sum(axis=1)
+    sums = weighted_sums(
+        products, totals, r_cg=r_cg, inertia=inertia, columns=columns, centred=offsets == "estimate",
+        rest=resting(run) if offsets == "still" else None,
+    )  # fmt: skip
+    return WeightedSums(weight * sums.gram, weight * sums.wrench)
+
+
+def delayed_signals(
+    run: Run,
+    up: Float[np.ndarray, "n 3"],
+    rows: Int[np.ndarray, " m"],
+    estimator: EstimatorSpec,
+    delays: Sequence[float] | np.ndarray,
+    *,
+    begin: float,
+) -> Iterator[tuple[Float[np.ndarray, "18 m"], Float[np.ndarray, "45 m"]]]:
+    """Yield for each delay the delayed elements of some rows, and these beside the signals without delay.
+
+    Args:
+        run: whose instants count.
+        up: upward direction at them.
+        rows: positions of the rows behind differentiator and filter.
+        estimator: differentiator and filter.
+        delays: of the angular velocity [s].
+        begin: from when the elements' time counts [s].
+    """
+    half = len(estimator.taps(run.rate))
+    wrench = smoothed(np.hstack([run.force, run.moment, up])[half : len(run.t) - half].T, run, estimator)
+    plain = elements_of(run, run.omega, estimator, begin)[:, rows]
+    signals = np.concatenate([plain, wrench[:, rows]])
     spline = uniform_spline(run.omega, 1 / run.rate) if np.any(delays) else None
-    gram, with_wrench = [], []
     for delay in delays:
-        elements = plain[:, span]
+        elements = plain
         if spline is not None and delay != 0:
             shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
-            elements = elements_of(run, shifted, estimator)[:, span]
-        if offsets == "estimate":
-            elements = elements - elements.mean(axis=1, keepdims=True)
-        weighted_elements = elements if fixed is None else fixed
-        gram.append(weighted_elements @ elements.T)
-        with_wrench.append(weighted_elements @ wrench.T)
-    return WeightedSums(weight * np.array(gram), weight * np.array(with_wrench))
+            elements = elements_of(run, shifted, estimator, begin)[:, rows]
+        yield elements, np.concatenate([elements, signals])
+
+
+def weighted_sums(
+    products: Float[np.ndarray, "delays 18 45"],
+    totals: Float[np.ndarray, "delays 45"],
+    *,
+    r_cg: Float[np.ndarray, "3"],
+    inertia: Float[np.ndarray, "6"],
+    columns: Columns,
+    centred: bool,
+    rest: Rest | None = None,
+) -> WeightedSums:
+    """Return the sums of a fitted run from those of its signals.
+
+    Args:
+        products: of the delayed elements, or of H, with delayed elements and signals; see :func:`delayed_signals`.
+        totals: sums of delayed elements and signals.
+        r_cg: centre of gravity from Q, in B [m].
+        inertia: packed tensor about the centre of gravity [kg·m²].
+        columns: functions of time that the measured wrench is made of.
+        centred: whether the signals' means are taken off.
+        rest: readings of the load cell that are taken off; None: none.
+    """
+    every = np.eye(SIGNALS)
+    force, moment = every[FORCE].copy(), np.zeros((3, SIGNALS))
+    if rest is not None:
+        force[:, 0] -= rest.force
+    moment[:, FEATURES] = np.einsum("fai,i->af", OMEGA_R_OF_FEATURES, inertia)
+    moment += np.cross(r_cg, force, axisb=0, axisc=0)
+    parts = [force, moment, *([every[10:11]] if columns.time else [])]
+    if columns.motion:
+        parts += [every[4:10], every[15:18], np.zeros((6, SIGNALS)), every[UP]]
+    if centred:
+        products = products - products[:, :, :1] * (totals / totals[:, :1])[:, None]
+    return WeightedSums(products[:, :, :ELEMENTS], products[:, :, ELEMENTS:] @ np.concatenate(parts).T)
+
+
+def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndarray, "18 n"]:
+    """Return rows on the first lines of the cosine transform at each instant, one after the other to bound memory."""
+    return np.stack([lines.samples(column) for column in weighed.reshape(len(weighed), -1).T])
 
 
 def added(runs: Sequence[WeightedSums]) -> WeightedSums:
@@ -187,49 +267,23 @@ def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Fl
     return xp.prod(xp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
 
 
-def elements_of(
-    run: Run, omega: np.ndarray, estimator: EstimatorSpec, begin: float | None = None
-) -> Float[np.ndarray, "18 m"]:
+def elements_of(run: Run, omega: np.ndarray, estimator: EstimatorSpec, begin: float) -> Float[np.ndarray, "18 m"]:
     """Return the elements of an angular velocity at the run's instants, with the estimator's derivative, filtered.
 
     Args:
         run: whose instants count.
         omega: angular velocity at them [rad/s].
         estimator: its differentiator and filter.
-        begin: from when the elements' time counts [s]; None: from the run's first instant.
+        begin: from when the elements' time counts [s].
     """
     taps = estimator.taps(run.rate)
-    alpha = apply(omega.T, np.concatenate([-taps[::-1], [0.0], taps])[::-1])
     inner = slice(len(taps), len(run.t) - len(taps))
-    w, t = omega[inner].T, (run.t[inner] - (run.t[0] if begin is None else begin))[None]
-    products = np.stack([w[i] * w[j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
-    return smoothed(np.concatenate([np.ones_like(t), w, products, t, t * w, t * t, alpha]), run, estimator)
+    phi = features(omega[inner].T, derivative(omega.T, taps))
+    t = (run.t[inner] - begin)[None]
+    return smoothed(np.concatenate([phi[:10], t, t * phi[OMEGA], t * t, phi[ALPHA]]), run, estimator)
 
 
 def smoothed(signals: Float[np.ndarray, "k n"], run: Run, estimator: EstimatorSpec) -> Float[np.ndarray, "k m"]:
     """Return signals through an estimator's filter."""
     taps = estimator.filter_taps(run.rate)
     return signals if len(taps) == 1 else apply(signals, taps)
-
-
-def _columns(
-    run: Run,
-    elements: np.ndarray,
-    estimator: EstimatorSpec,
-    r_cg: np.ndarray,
-    inertia: np.ndarray,
-    columns: Columns,
-    offsets: OffsetChoice,
-) -> Float[np.ndarray, "columns m"]:
-    """The fitted run's wrench, then the other functions of time, through the estimator's filter."""
-    half = len(estimator.taps(run.rate))
-    inner = slice(half, len(run.t) - half)
-    force = smoothed(run.force[inner].T, run, estimator)
-    if offsets == "still":
-        force = force - resting(run).force[:, None]
-    moment = np.cross(r_cg, force.T).T + (OMEGA_R_OF_FEATURES @ inertia).T @ elements[FEATURES]
-    parts = [force, moment, *([elements[10:11]] if columns.time else [])]
-    if columns.motion:
-        up = smoothed(upward_by_force(run, r_cg)[inner].T, run, estimator)
-        parts += [elements[4:10], elements[15:18], np.zeros((6, up.shape[1])), up]
-    return np.concatenate(parts)

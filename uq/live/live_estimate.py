@@ -17,18 +17,17 @@ from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.type_a import Pooling
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
-from identify.signals.residual_spectrum import LEAST_GAIN
+from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
 from uq.identification.combined_uncertainty import Systematic, combined_interval
-from uq.identification.run_sums import ELEMENTS, FEATURES, WeightedSums
+from uq.identification.run_sums import FEATURES, FORCE, MOMENT, weighted_sums
 from uq.identification.systematic_errors import SystematicProblem, nodes_of, propagated
-from uq.live.running_sums import FORCE, MOMENT, RunningSums
+from uq.live.running_sums import RunningSums
 from uq.sources.source import Source
 
 TRIALS = 2000
 """Draws of the declared sources."""
-WRENCH = np.arange(ELEMENTS, ELEMENTS + 6)
 UNKNOWNS = 9
 """Number of unknowns: the tensor, and a constant moment."""
 REACH, OWN, PASSED, DISAGREE = 3, 100, 0.5, 2.5
@@ -203,16 +202,11 @@ def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> 
     sources = sources_in(experiment)
     names = {source.name for source in sources}
     columns, r_cg = Columns.of(sources), experiment.stated_r_cg
-    centred = sums.delayed - sums.delayed[:, :, :1] * sums.delayed[:, :1] / sums.delayed[:, :1, :1]
-    undelayed = centred[:, :, ELEMENTS:]
-    force = undelayed[:, :, FORCE]
-    moment = (
-        np.cross(r_cg, force) + np.einsum("dlf,fai->dlai", undelayed[:, :, FEATURES], OMEGA_R_OF_FEATURES) @ inertia
-    )
-    wrench = np.concatenate([force, moment, *([undelayed[:, :, 10:11]] if columns.time else [])], axis=2)
+    totals = sums.delayed[:, 0]
+    weighted = weighted_sums(sums.delayed, totals, r_cg=r_cg, inertia=inertia, columns=columns, centred=True)
     mass = experiment.mass if experiment.scale is None else experiment.scale[0]
     return SystematicProblem(
-        sums=(WeightedSums(centred[:, :, :ELEMENTS], wrench),), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
+        sums=(weighted,), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
         platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
         mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes=nodes_of(sources),
         columns=columns, centre_by_draw={}, redrawn=frozenset(), offsets="estimate", weighed=False,

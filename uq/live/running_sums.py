@@ -11,20 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.regressor_rows import unbroken, usable_rows
 from identify.estimators.run_information import alpha_noise
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import moving_average, response
-from identify.signals.resample import uniform_spline
-from identify.signals.residual_spectrum import Lines
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
-from uq.identification.run_sums import ELEMENTS, FEATURES, elements_of, smoothed
+from identify.sums.regressor_rows import unbroken, usable_rows
+from identify.sums.residual_spectrum import Lines
+from uq.identification.run_sums import ELEMENTS, FEATURES, FORCE, MOMENT, SIGNALS, delayed_signals
 from uq.live.growing_run import BLOCK, Block
 
-FORCE, MOMENT = slice(ELEMENTS, ELEMENTS + 3), slice(ELEMENTS + 3, ELEMENTS + 6)
-SIGNALS = ELEMENTS + 6
-REGRESSED = np.concatenate([FEATURES, np.arange(ELEMENTS, SIGNALS)])
+REGRESSED = np.concatenate([FEATURES, np.arange(FORCE.start, MOMENT.stop)])
 """Features, force and moment among the signals."""
 BANDS = 24
 """Bands of frequency, each twice as wide as the one below: the lines 0, 1, 2 and 3, 4 to 7, …"""
@@ -36,8 +33,8 @@ class RunningSums:
     """Sums over the blocks so far.
 
     Attributes:
-        products: of the elements, force and moment with themselves, (24, 24); entry [0, 0] is the number of samples.
-        delayed: for each delay, of the delayed elements with themselves, the elements, force and moment, (d, 18, 42).
+        products: of the signals with themselves, (27, 27); entry [0, 0] is the number of samples.
+        delayed: for each delay, of the delayed elements with themselves and the signals, (d, 18, 45).
         spectra: for each band, of the cosine transforms of features, force and moment, (bands, 19, 19).
         lines: how many lines of the transform each band holds.
         gain: the sum of the filter's power gain at these.
@@ -71,19 +68,19 @@ class RunningSums:
         inside = (t >= block.begin) & (t < block.end)
         if not inside.any() or not self._moves(run.omega[inside], run.rate):
             return
-        plain = elements_of(run, run.omega, estimator, begin=0.0)
-        half, n = (len(run.t) - plain.shape[1]) // 2, plain.shape[1]
+        half, n = estimator.lost(run.rate) // 2, len(run.t) - estimator.lost(run.rate)
         keep = usable_rows(run, n)
         keep = keep[inside[half : half + n][keep]]
-        inner = slice(len(estimator.taps(run.rate)), len(run.t) - len(estimator.taps(run.rate)))
-        wrench = smoothed(np.hstack([run.force, run.moment])[inner].T, run, estimator)
-        signals = np.concatenate([plain, wrench])
         self._count(block, inside)
         if not len(keep):
             return
-        rows = signals[:, keep]
+        no_upward = np.zeros_like(run.force)  # for errors of the rig alone, which a live estimate leaves out
+        for number, (elements, signals) in enumerate(
+            delayed_signals(run, no_upward, keep, estimator, self.delays, begin=0.0)
+        ):
+            self.delayed[number] += elements @ signals.T
+        rows = signals[ELEMENTS:]
         self.products += rows @ rows.T
-        self._add_delayed(block, rows, keep)
         self._add_spectra(rows[REGRESSED].T, keep, run.rate)
         sigma = alpha_noise(run, estimator)
         alpha_map = OMEGA_R_OF_FEATURES[ALPHA]
@@ -104,16 +101,6 @@ class RunningSums:
             )
         for text in block.run.warnings:
             self.warnings[text] = self.warnings.get(text, 0) + 1
-
-    def _add_delayed(self, block: Block, rows: np.ndarray, keep: np.ndarray) -> None:
-        run, others = block.run, rows
-        spline = uniform_spline(run.omega, 1 / run.rate) if len(self.delays) > 1 else None
-        for number, delay in enumerate(self.delays):
-            elements = rows[:ELEMENTS]
-            if spline is not None:
-                shifted = spline(np.clip(run.t - delay, run.t[0], run.t[-1]) - run.t[0])
-                elements = elements_of(run, shifted, self.estimator, begin=0.0)[:, keep]
-            self.delayed[number] += elements @ np.concatenate([elements, others]).T
 
     def _add_spectra(self, rows: Float[np.ndarray, "m 19"], keep: np.ndarray, rate: float) -> None:
         for segment in unbroken(keep):

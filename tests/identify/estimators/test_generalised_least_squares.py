@@ -10,8 +10,8 @@ from identify.estimators.generalised_least_squares import fitted
 from identify.estimators.least_squares import generalised
 from identify.identification import identify
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
-from identify.signals.residual_spectrum import Lines, spectrum
 from identify.signals.run import Run
+from identify.sums.residual_spectrum import Lines, spectrum
 from tests.helpers import weak_lab as lab
 
 MIXING = np.array([[1.0, 0.6, 0.0], [0.0, 1.0, 0.4], [0.3, 0.0, 0.5]])
@@ -91,7 +91,7 @@ def test_the_spectrum_is_the_noises(generator):
     noise = lines.transform(generator.normal(size=(4000, 3)) @ MIXING.T)
     found = spectrum(noise, np.ones((4000, 3)), 1)
     values, half = found.values, 84  # the next whole number from 2 * 500^0.6
-    assert (found.first[500], found.last[500]) == (500 - half, 500 + half + 1)
+    assert found.windows(slice(500, 501)) == ([500 - half], [500 + half + 1])
     np.testing.assert_allclose(values[1000:].mean(axis=0), MIXING @ MIXING.T, atol=0.1)
     assert np.abs(np.einsum("maa->ma", values[1:]) / np.diag(MIXING @ MIXING.T) - 1).max() < 5 * np.sqrt(2 / 9)
 

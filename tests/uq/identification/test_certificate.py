@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from identify.estimators.admissible_tensor import Admissible
-from identify.estimators.residual_trace import trace
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
 from identify.results.contributions import Effect, NotIncluded
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise, decimals, fixed
+from identify.sums.residual_trace import thinned, trace
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.report_tables import FULL, T1
 from uq.campaign.simulation import simulate
@@ -177,7 +177,7 @@ def test_a_trace_keeps_every_extreme_the_noise_level_and_a_line():
     noise = rng.normal(size=(len(t), 3))
     noise[7_777, 1] = 9.0
     line = noise + 0.5 * np.sin(2 * np.pi * 50 * t)[:, None] * [1, 0, 0]
-    found = trace(t, line, 10 * noise, noise, 2 * noise)
+    found = trace(t, line, 10 * noise, thinned(np.hstack([noise, 2 * noise])))
     assert found.high[:, 1].max() == 9.0
     assert found.low.min() == line.min()
     assert len(found.t) <= 300
@@ -190,7 +190,7 @@ def test_a_trace_keeps_every_extreme_the_noise_level_and_a_line():
 
 
 def test_a_trace_of_a_few_samples_is_small_but_there():
-    found = trace(np.arange(3.0), *(np.ones((3, 3)) for _ in range(4)))
+    found = trace(np.arange(3.0), np.ones((3, 3)), np.ones((3, 3)), np.ones((3, 6)))
     assert len(found.t) == 3
     assert np.isfinite(found.residual_density).all()
 

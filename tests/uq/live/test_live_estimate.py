@@ -13,7 +13,7 @@ from rig.mcap.message_fields import IMU, WRENCH
 from tests.helpers import recordings
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.identification.run_sums import FEATURES
+from uq.identification.run_sums import ELEMENTS, FEATURES
 from uq.identification.systematic_errors import propagate_constants
 from uq.live.estimate_lines import block_of, line_of
 from uq.live.growing_run import GrowingRun
@@ -155,7 +155,7 @@ def test_the_variance_scatters_as_its_degrees_of_freedom_say(ten_seconds, common
     for name in ("products", "spectra", "lines", "gain"):
         setattr(sums, name, 10 * getattr(sums, name))
     wrench = np.arange(13, 19)
-    sums.products[:, -6:] = sums.products[-6:] = sums.spectra[:, wrench] = sums.spectra[:, :, wrench] = 0.0
+    sums.products[:, ELEMENTS:] = sums.products[ELEMENTS:] = sums.spectra[:, wrench] = sums.spectra[:, :, wrench] = 0.0
     rng, drawn = np.random.default_rng(67), []
     for _ in range(300):
         for b in np.flatnonzero(sums.lines):

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from identify.estimators.residual_trace import Trace
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed, significant
+from identify.sums.residual_trace import Trace
 from uq.report.figures.style import (
     PAGE,
     PALETTE,

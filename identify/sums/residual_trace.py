@@ -43,8 +43,7 @@ def trace(
     t: Float[np.ndarray, " n"],
     residuals: Float[np.ndarray, "n 3"],
     moment: Float[np.ndarray, "n 3"],
-    omega: Float[np.ndarray, "n 3"],
-    alpha: Float[np.ndarray, "n 3"],
+    motion: Float[np.ndarray, "p 6"],
 ) -> Trace:
     """Thin a run's fit for drawing.
 
@@ -54,8 +53,7 @@ def trace(
         t: instants of the rows [s], with gaps where samples were left out.
         residuals: measured less fitted moment about the centre of gravity [N·m].
         moment: the measured moment about the centre of gravity, less the offset that was removed [N·m].
-        omega: angular velocity [rad/s].
-        alpha: angular acceleration [rad/s²].
+        motion: angular velocity [rad/s] and acceleration [rad/s²], :func:`thinned`.
     """
     edges = _edges(len(t), BINS)
     low, high = (reach.reduceat(residuals, edges, axis=0) for reach in (np.minimum, np.maximum))
@@ -63,13 +61,17 @@ def trace(
     segment = _longest(t, step)
     frequency, densities = _density(residuals[segment], 1 / step)
     _, moment_densities = _density(moment[segment], 1 / step)
-    every = slice(None, None, -(-len(t) // POINTS))
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
     moment_density = np.sqrt(np.mean(moment_densities**2, axis=1))
     return Trace(
         t=middle, low=low, high=high, frequency=frequency, residual_density=densities, moment_density=moment_density,
-        omega=omega[every], alpha=alpha[every],
+        omega=motion[:, :3], alpha=motion[:, 3:],
     )  # fmt: skip
+
+
+def thinned(signals: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "p k"]:
+    """Return every so many samples, ``POINTS`` at most, of which nothing else is kept."""
+    return signals[:: -(-len(signals) // POINTS)].copy()
 
 
 def _edges(count: int, most: int) -> np.ndarray:

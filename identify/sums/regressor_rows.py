@@ -1,17 +1,15 @@
 """A run's samples as rows of the regression: which instants count, and both sides behind the same filter."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, ArrayT, features
+from identify.rigid_body.regressor import ArrayT, features
 from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
-from identify.signals.residual_spectrum import Lines
 from identify.signals.run import Run, RunError
 
 SPLINE_REACH = 3
@@ -22,7 +20,7 @@ FEWEST = 24
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Features, force and moment of the instants that count, component first; made once for all estimates of a run."""
+    """Features, force and moment of the instants that count, component first."""
 
     phi: Float[np.ndarray, "13 n"]
     force: Float[np.ndarray, "3 n"]
@@ -31,32 +29,8 @@ class Rows:
     """Moment on the body about Q [N·m]."""
     segments: tuple[slice, ...]
     """Instants that follow one another without a gap."""
-    instants: Int[np.ndarray, " n"]
+    instants: slice | Int[np.ndarray, " n"]
     """Indices of the rows' instants among those of the run."""
-    rate: float
-    """Sample rate of the run [Hz]."""
-
-    def inertial_moment(self, inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "n 3"]:
-        """Return ``Omega_R`` of each instant times a packed tensor [N·m]."""
-        return self.phi.T @ (OMEGA_R_OF_FEATURES @ inertia)
-
-    @cached_property
-    def lines(self) -> Lines:
-        """Lines of the cosine transform of each segment."""
-        return Lines.of(self.segments, self.rate)
-
-    @cached_property
-    def transformed(self) -> Float[np.ndarray, "m 3 6"]:
-        """Cosine transform of ``Omega_R``, by that of the nine features that it is made of."""
-        acting = OMEGA_R_OF_FEATURES.any(axis=(1, 2))
-        transformed = self.lines.transform(self.phi[acting].T)
-        return np.einsum("kji,mk->mji", OMEGA_R_OF_FEATURES[acting], transformed, optimize=True)
-
-    @cached_property
-    def centred(self) -> Float[np.ndarray, "m 3 6"]:
-        """Cosine transform of ``Omega_R`` less its mean."""
-        mean = np.einsum("kji,k->ji", OMEGA_R_OF_FEATURES, self.phi.mean(axis=1))
-        return self.transformed - self.lines.constant[:, None, None] * mean
 
 
 def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
@@ -80,14 +54,12 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.cure('record without gaps, or choose a longer part')}"
         )
     half = (len(run.t) - phi.shape[1]) // 2
+    if run.missing is None:  # nothing is copied
+        every = slice(half, half + len(keep))
+        return Rows(phi=phi, force=force, moment=moment, segments=(slice(0, len(keep)),), instants=every)
     return Rows(
-        phi=phi[:, keep],
-        force=force[:, keep],
-        moment=moment[:, keep],
-        segments=unbroken(keep),
-        instants=half + keep,
-        rate=run.rate,
-    )
+        phi=phi[:, keep], force=force[:, keep], moment=moment[:, keep], segments=unbroken(keep), instants=half + keep
+    )  # fmt: skip
 
 
 def check_rate(run: Run, estimator: EstimatorSpec) -> None:

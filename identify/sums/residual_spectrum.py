@@ -1,0 +1,254 @@
+"""Correlation of errors across axes and in time: their spectrum, from the cosine transform of residuals.
+
+The cosine transform (DCT-II, orthonormal) of each segment without a gap turns n samples into n lines at the frequencies
+``j rate / 2n``. It is orthogonal, so the regression stays the same regression; and the lines of a stationary error are
+nearly uncorrelated, also of one that drifts, since the transform knows no jump from a segment's end to its beginning
+(Ahmed, Natarajan and Rao 1974, doi:10.1109/T-C.1974.223784). What is left is a covariance across the axes at each line,
+``S``, that varies slowly along frequency: an average of the residuals' products over neighbouring lines, divided by
+the degrees of freedom that the fit left there. Errors of one axis that follow those of another with a delay are taken
+as if there were none.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+import scipy
+from jaxtyping import Float, Int
+
+LEAST_LINES = 8
+"""Lines on either side of one over which a spectrum is averaged, at least."""
+SLOPE_LINES = 64
+"""Lines, the first ones, that tell how the spectrum falls."""
+LEAST_GAIN = 1e-4
+"""Least power gain of a filter that counts: below it, a signal cannot be distinguished from leakage."""
+BLOCK = 2**15
+"""Lines whose rows of the regression are made at a time: what bounds the memory of a long run."""
+
+
+class Lines(NamedTuple):
+    """Positions of the lines of a run's segments, in the order of frequency."""
+
+    frequency: Float[np.ndarray, " m"]
+    """Frequency of each line [Hz]."""
+    constant: Float[np.ndarray, " m"]
+    """Cosine transform of a constant 1."""
+    order: np.ndarray
+    """Permutation from the lines of one segment after another to the order of frequency."""
+    segments: tuple[slice, ...]
+
+    @classmethod
+    def of(cls, segments: Sequence[slice], rate: float) -> "Lines":
+        """Return the lines of segments of samples at a rate [Hz]."""
+        sizes = [segment.stop - segment.start for segment in segments]
+        frequency = np.concatenate([np.arange(n) * rate / (2 * n) for n in sizes])
+        constant = np.concatenate([np.sqrt(n) * (np.arange(n) == 0) for n in sizes])
+        order = np.argsort(frequency, kind="stable")
+        return cls(frequency[order], constant[order], order, tuple(segments))
+
+    @property
+    def constants(self) -> int:
+        """Number of lines, the first ones, that are those of constants."""
+        return len(self.segments)
+
+    def transform(self, signal: Float[np.ndarray, "n *k"]) -> Float[np.ndarray, "m *k"]:
+        """Return the cosine transform of samples, each segment by itself."""
+        transformed = [scipy.fft.dct(signal[segment], axis=0, norm="ortho") for segment in self.segments]
+        return transformed[0] if len(transformed) == 1 else np.concatenate(transformed)[self.order]
+
+    def samples(self, transformed: Float[np.ndarray, "k *p"]) -> Float[np.ndarray, "n *p"]:
+        """Return the samples of the first k lines, the others zero: the inverse of :meth:`transform`."""
+        samples = np.zeros((len(self.order), *transformed.shape[1:]))
+        samples[self.order[: len(transformed)]] = transformed
+        start = 0
+        for segment in self.segments:
+            part = slice(start, start := start + segment.stop - segment.start)
+            samples[part] = scipy.fft.idct(samples[part], axis=0, norm="ortho")
+        return samples
+
+
+@runtime_checkable
+class LineRows(Protocol):
+    """Rows of the regression on lines of the cosine transform: an array (k, 3, p), or what gives slices of one."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, part: slice, /) -> Float[np.ndarray, "k 3 p"]: ...
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield slices of a bounded size that cover so many lines."""
+    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Covariance of the errors across the axes at each line, an average over a window of lines."""
+
+    products: Float[np.ndarray, "pairs edges"]
+    """Sums of the residuals' products of two axes over the lines before each, the spectrum's shape divided out."""
+    shape: Float[np.ndarray, " m"]
+    """Shape of the spectrum: a filter's gain, and a power of the frequency."""
+    constants: int
+    """Number of lines, the first ones, that are those of constants."""
+    free: Float[np.ndarray, "m rows"]
+    """Degrees of freedom that the fit left at each line and axis."""
+    wider: int
+    """Factor by which the windows are widened."""
+
+    def windows(self, lines: slice) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+        """Return the first line in the window of each of some lines, and the one behind its last."""
+        m = len(self.shape)
+        begin = min(self.constants, m - 1)
+        position = np.arange(*lines.indices(m))
+        half = _half_window(position, self.wider)
+        return np.clip(position - half, begin, m - 1), np.clip(position + half + 1, begin + 1, m)
+
+    @cached_property
+    def _free_before(self) -> Float[np.ndarray, "edges rows"]:
+        """Degrees of freedom of the lines before each."""
+        return np.cumsum(np.concatenate([np.zeros_like(self.free[:1]), self.free]), axis=0)
+
+    def freedom(self, lines: slice) -> Float[np.ndarray, "k rows"]:
+        """Return the degrees of freedom in the windows of some lines; 1 or more."""
+        first, last = self.windows(lines)
+        return np.maximum(self._free_before[last] - self._free_before[first], 1.0)
+
+    def at(self, lines: slice) -> Float[np.ndarray, "k rows rows"]:
+        """Return the covariance ``S`` across the axes at some lines [(N·m)²]; white noise of covariance C has S = C."""
+        first, last = self.windows(lines)
+        size = self.free.shape[1]
+        root = np.sqrt(self.freedom(lines))
+        values = np.empty((len(first), size, size))
+        start, constants = lines.indices(len(self.shape))[0], min(self.constants, len(self.shape) - 1)
+        own = slice(0, max(constants - start, 0))
+        for before, (a, b) in zip(self.products, _pairs(size), strict=True):
+            value = (before[last] - before[first]) / (root[:, a] * root[:, b])
+            value[own] += np.diff(before[start : start + len(value) + 1])[own]
+            values[:, a, b] = values[:, b, a] = value
+        floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(size)
+        return (values + floor) * self.shape[lines, None, None]
+
+    @property
+    def values(self) -> Float[np.ndarray, "m rows rows"]:
+        """Covariance at all lines, of few lines."""
+        return self.at(slice(0, len(self.shape)))
+
+    def scores(self, rows: LineRows) -> Float[np.ndarray, "p p"]:
+        """Return the covariance of ``Σ rowsᵀ u`` over the first lines, for errors ``u`` of this spectrum."""
+        terms = ((rows[part], self.at(part)) for part in blocks(len(rows)))
+        return np.sum([np.tensordot(x, covariance @ x, axes=((0, 1), (0, 1))) for x, covariance in terms], axis=0)
+
+    def degrees_of_freedom(self, rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
+        """Return the effective degrees of freedom of the variances of ``inverse @ Σ rowsᵀ u`` over the first lines.
+
+        Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
+        """
+        power = np.concatenate([self._power(rows[part] @ inverse, part) for part in blocks(len(rows))], axis=1)
+        # up to the line at which each combination has all but a thousandth of its variance
+        totals = [np.cumsum(variances) for variances in power]
+        inside = max([1, *(int(np.searchsorted(total, 0.999 * total[-1])) for total in totals if total[-1] > 0)])
+        first, last = self.windows(slice(0, inside))
+        reach = int(last.max())
+        begun, ended = (np.searchsorted(ends, np.arange(reach), "right") for ends in (first, last))
+        return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in inverse.T])
+
+    def _power(self, combinations: np.ndarray, part: slice) -> Float[np.ndarray, "p k"]:
+        """Variance of each line's part in some combinations."""
+        return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
+
+    def _freedom_of(
+        self, rows: LineRows, column: np.ndarray, inside: int, begun: np.ndarray, ended: np.ndarray
+    ) -> float:
+        """Effective degrees of freedom of one combination of the first lines' errors."""
+        c = np.concatenate([self._root_of(rows[part] @ column, part) for part in blocks(inside)])
+        root = np.sqrt(self.free[: len(begun)])
+        mean = squares = 0.0
+        for a, b in _pairs(c.shape[1]):
+            before = np.concatenate([[0.0], np.cumsum(c[:, a] * c[:, b])])
+            taken = (before[begun] - before[ended]) * root[:, a] * root[:, b]
+            mean += taken.sum() if a == b else 0.0
+            squares += (1.0 if a == b else 2.0) * (taken @ taken)
+        return max(mean**2 / max(squares, 1e-300), 1.0)
+
+    def _root_of(self, combination: np.ndarray, part: slice) -> Float[np.ndarray, "k rows"]:
+        """Combination times the root of the spectrum, for one degree of freedom a window."""
+        count = np.maximum(self.freedom(part).mean(axis=1), 1.0)
+        return np.einsum("mab,mb->ma", _root(self.at(part)), combination) / np.sqrt(count)[:, None]
+
+
+def _pairs(size: int) -> list[tuple[int, int]]:
+    """Return the pairs of axes of a symmetric matrix."""
+    return [(a, b) for a in range(size) for b in range(a, size)]
+
+
+def _half_window(position: Int[np.ndarray, " k"] | int, wider: int) -> Int[np.ndarray, " k"]:
+    """Return the number of lines to either side of a line over which its spectrum is averaged."""
+    return wider * np.maximum(np.ceil(2 * np.asarray(position) ** 0.6), LEAST_LINES).astype(int)
+
+
+def reach(inside: int, count: int, wider: int) -> int:
+    """Return how many of ``count`` lines, the first ones, the spectrum at the first ``inside`` of them is made from."""
+    return min(max(inside + int(_half_window(inside - 1, wider)), SLOPE_LINES + inside), count)
+
+
+def spectrum(
+    residuals: Float[np.ndarray, "m rows"],
+    free: Float[np.ndarray, "m rows"],
+    constants: int,
+    gain: Float[np.ndarray, " m"] | float = 1.0,
+    *,
+    wider: int = 1,
+) -> Spectrum:
+    """Return the errors' spectrum from the transformed residuals of a fit.
+
+    A fit takes most from the residuals where its rows are strong, which in a brief run is where it matters: the
+    products in a window are divided by the degrees of freedom left in it, not by its lines. The window of line j is
+    ``2 j^0.6`` lines to either side, ``LEAST_LINES`` at least; a known filter's gain and a fitted power of the
+    frequency are divided out first. Lines of constants stand apart from their neighbours, and are never
+    smaller than their own residual.
+
+    Args:
+        residuals: of the lines, in the order of frequency [N·m].
+        free: degrees of freedom left at each, 1 minus its leverage.
+        constants: how many lines, the first ones, are those of constants.
+        gain: power gain of a known filter that errors have passed, at each line.
+        wider: by how much to widen the windows.
+    """
+    passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), len(residuals))
+    shape = passed * _colour(residuals[constants:], free[constants:], passed[constants:], constants)
+    products = np.zeros((len(_pairs(residuals.shape[1])), len(residuals) + 1))
+    for before, (a, b) in zip(products, _pairs(residuals.shape[1]), strict=True):
+        np.cumsum(residuals[:, a] * residuals[:, b] / shape, out=before[1:])
+    return Spectrum(products=products, shape=shape, constants=constants, free=free, wider=wider)
+
+
+def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m 3"]:
+    """Return how much of each value its own fit takes up: the diagonal of ``X (XᵀX)⁻¹ Xᵀ``."""
+
+    def taken(block: np.ndarray) -> np.ndarray:
+        weighed = (block.reshape(-1, block.shape[2]) @ inverse).reshape(block.shape)
+        return np.clip(np.einsum("map,map->ma", weighed, block), 0, 1)
+
+    return np.concatenate([taken(rows[part]) for part in blocks(len(rows))])
+
+
+def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:
+    """A power of the frequency, 0 to -2, where the first lines' residuals show one."""
+    n = len(residuals)
+    number = np.arange(1, min(n, SLOPE_LINES) + 1)
+    power = (residuals[: len(number)] ** 2 / np.maximum(free[: len(number)], 0.1)).sum(axis=1) / gain[: len(number)]
+    usable = power > 0
+    if usable.sum() < LEAST_LINES:
+        return np.ones(n + constants)
+    (slope, _), spread = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1, cov=True)
+    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0) if slope < -2 * np.sqrt(spread[0, 0]) else np.ones(n)
+    return np.concatenate([np.ones(constants), shape])
+
+
+def _root(matrices: np.ndarray) -> np.ndarray:
+    """``Lᵀ`` of each ``L Lᵀ``."""
+    scale = np.trace(matrices, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    return np.swapaxes(np.linalg.cholesky(matrices + 1e-9 * scale + 1e-300 * np.eye(3)), 1, 2)
