@@ -34,7 +34,7 @@ from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.run import Run
-from identify.sums.residual_spectrum import Lines, Spectrum, reach, spectrum
+from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum
 from identify.sums.residual_trace import trace
 from identify.sums.run_lines import FORCE, RunLines, run_lines
 
@@ -290,11 +290,18 @@ def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:
 
 def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:
     """Spectrum of the noise in the rows' alpha, its mean 1."""
+    # the responses at a block of lines are a matrix of lines by taps
+    slope = np.concatenate([_slope(run, estimator, frequency[part]) for part in blocks(len(frequency))])
+    return slope**2 / np.mean(slope**2)
+
+
+def _slope(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:
+    """Gain from white noise of the angular velocity to the rows' alpha, but for a factor."""
     slope = frequency * gain(estimator.taps(run.rate), run.rate, frequency)
     slope = slope * response(estimator.filter_taps(run.rate), run.rate, frequency)
     if run.noise is not None:
         slope = slope * frequency * gain(run.noise.taps, run.noise.rate, frequency)
-    return slope**2 / np.mean(slope**2)
+    return slope
 
 
 def _noise(sigma: np.ndarray, weights: np.ndarray, shape: np.ndarray) -> np.ndarray:

@@ -146,18 +146,21 @@ class Spectrum:
 
         Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
         """
-        power = np.concatenate([self._power(rows[part] @ inverse, part) for part in blocks(len(rows))], axis=1)
-        # up to the line at which each combination has all but a thousandth of its variance
-        totals = [np.cumsum(variances) for variances in power]
-        inside = max([1, *(int(np.searchsorted(total, 0.999 * total[-1])) for total in totals if total[-1] > 0)])
+        inside = self._inside(rows, inverse)
         first, last = self.windows(slice(0, inside))
         reach = int(last.max())
         begun, ended = (np.searchsorted(ends, np.arange(reach), "right") for ends in (first, last))
         return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in inverse.T])
 
-    def _power(self, combinations: np.ndarray, part: slice) -> Float[np.ndarray, "p k"]:
-        """Variance of each line's part in some combinations."""
-        return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
+    def _inside(self, rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> int:
+        """Number of the first lines that hold all but a thousandth of each variance of ``inverse @ Σ rowsᵀ u``."""
+
+        def variances(part: slice) -> Float[np.ndarray, "p k"]:
+            combinations = rows[part] @ inverse
+            return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
+
+        totals = map(np.cumsum, np.concatenate([variances(part) for part in blocks(len(rows))], axis=1))
+        return max([1, *(int(np.searchsorted(total, 0.999 * total[-1])) for total in totals if total[-1] > 0)])
 
     def _freedom_of(
         self, rows: LineRows, column: np.ndarray, inside: int, begun: np.ndarray, ended: np.ndarray
@@ -184,14 +187,14 @@ def _pairs(size: int) -> list[tuple[int, int]]:
     return [(a, b) for a in range(size) for b in range(a, size)]
 
 
-def _half_window(position: Int[np.ndarray, " k"] | int, wider: int) -> Int[np.ndarray, " k"]:
+def _half_window(position: Int[np.ndarray, " k"], wider: int) -> Int[np.ndarray, " k"]:
     """Return the number of lines to either side of a line over which its spectrum is averaged."""
-    return wider * np.maximum(np.ceil(2 * np.asarray(position) ** 0.6), LEAST_LINES).astype(int)
+    return wider * np.maximum(np.ceil(2 * position**0.6), LEAST_LINES).astype(int)
 
 
 def reach(inside: int, count: int, wider: int) -> int:
     """Return how many of ``count`` lines, the first ones, the spectrum at the first ``inside`` of them is made from."""
-    return min(max(inside + int(_half_window(inside - 1, wider)), SLOPE_LINES + inside), count)
+    return min(max(inside + int(_half_window(np.array([inside - 1]), wider)[0]), SLOPE_LINES + inside), count)
 
 
 def spectrum(
