@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from scipy.linalg import circulant
 
+from identify.signals.differentiate import derivative
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
 from uq.campaign.averages import average
 from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.statistics import Statistics
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.gram_sums.cases import cases_of
-from uq.trials.sums_setup import square_root
+from uq.gram_sums.cases import Estimator, cases_of
+from uq.trials.sums_setup import square_root, valid_samples
 
 QUASI_RANDOM = SamplingPlan(points="quasi-random")
 
@@ -119,6 +120,13 @@ def test_quasi_random_trials_know_more_and_say_how_much(of_t1):
 def test_points_that_cannot_be_are_refused(brief, trials, changed):
     with pytest.raises(ExperimentError, match="quasi-random trials are on sums"):
         montecarlo(brief, trials=trials, trajectories="T1", plan=dataclasses.replace(QUASI_RANDOM, **changed))
+
+
+def test_samples_count_where_every_estimator_has_a_derivative():
+    taps = [np.ones(1), np.ones(3)]
+    longest = np.asarray(derivative(np.zeros((3, 20)), taps[1]))
+    expected = np.isfinite(np.pad(longest[0], 3, constant_values=np.nan))
+    np.testing.assert_array_equal(valid_samples(20, [Estimator("e", jax.numpy.asarray(h)) for h in taps]), expected)
 
 
 def test_a_seed_draws_the_same_whichever_eigenvectors_the_machine_finds(generator):
