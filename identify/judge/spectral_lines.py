@@ -56,12 +56,8 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
         run: the run.
         result: of an estimator by rows of Omega_R, whose low-pass is left out here.
     """
-    rows = rows_of(run, replace(result.estimator, lowpass=None))
-    if rows.phi.shape[1] < SHORTEST:
-        return []
-    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
-    residuals = moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
-    resonance = line(residuals, run.rate, above=ABOVE * run.band)
+    residuals = _residual_moment(run, result)
+    resonance = line(residuals, run.rate, above=ABOVE * run.band) if len(residuals) >= SHORTEST else None
     if resonance is None or resonance.share < LEAST:
         return []
     found = Finding.SPECTRAL_LINE.cause(
@@ -69,6 +65,13 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
         size=f"{significant(resonance.rms, 2)} N·m",
     )  # fmt: skip
     return [found]
+
+
+def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:
+    """Residual moment about the centre of gravity, without the estimator's low-pass [N·m]."""
+    rows = rows_of(run, replace(result.estimator, lowpass=None))
+    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
+    return moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
 
 
 def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:

@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 WINDOWS = {"hann": (0.5, 0.5), "blackmanharris": (0.35875, 0.48829, 0.14128, 0.01168)}
 """Amplitudes of their cosines, of alternating sign."""
+BATCH = 2**18
+"""Samples of the segments that are transformed at a time."""
 
 
 def welch(
@@ -34,9 +36,15 @@ def welch(
     angle = 2 * np.pi * np.arange(size) / size
     weights = sum((-1) ** k * a * np.cos(k * angle) for k, a in enumerate(WINDOWS[window]))
     segments = np.lib.stride_tricks.sliding_window_view(signal, size, axis=0)[:: size - size // 2]
-    level = without_line(segments) if straight else segments - segments.mean(axis=-1, keepdims=True)
-    lines = scipy.fft.rfft(level * weights)
-    density = (lines.real**2 + lines.imag**2).mean(axis=0) / (rate * (weights**2).sum())
+
+    def power(some: np.ndarray) -> np.ndarray:
+        level = without_line(some) if straight else some - some.mean(axis=-1, keepdims=True)
+        lines = scipy.fft.rfft(level * weights)
+        return (lines.real**2 + lines.imag**2).sum(axis=0)
+
+    together = max(BATCH // size, 1)  # bounds memory
+    total = sum(power(segments[k : k + together]) for k in range(0, len(segments), together))
+    density = np.asarray(total) / (len(segments) * rate * (weights**2).sum())
     density[..., 1 : (size + 1) // 2] *= 2  # but for the lines of a constant and of half the rate
     return np.arange(size // 2 + 1) * rate / size, np.moveaxis(density, -1, 0)
 
