@@ -9,10 +9,8 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from zlib import Z_RLE
 
-import matplotlib
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.text import Text
 
 from identify.reporting import Drawing, Section
 from identify.text_tables import Table
@@ -130,6 +128,9 @@ def _numbers(content: Mapping[str, Any]) -> Markup:
 
 def laid_out(figure: "Figure") -> "Figure":
     """Return a figure whose parts are in their places and stay there, as its files need it."""
+    import matplotlib
+    from matplotlib.text import Text
+
     for text in figure.findobj(Text):  # a name, as of a run, may hold what no SVG may
         if (shown := on_its_lines(text.get_text())) != text.get_text():
             text.set_text(shown)
@@ -147,6 +148,8 @@ def rendered(figure: "Figure", kind: str) -> bytes:
         figure: laid out.
         kind: ``svg``, whose texts are texts, or ``png``.
     """
+    import matplotlib
+
     buffer = BytesIO()
     options: Any = {"pil_kwargs": {"compress_type": Z_RLE}} if kind == "png" else {"metadata": {"Date": None}}
     with matplotlib.rc_context({"svg.hashsalt": "inertia-uq", "svg.fonttype": "none"}):
