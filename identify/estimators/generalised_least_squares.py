@@ -113,7 +113,7 @@ def whitened(
         return _unweighed(plain, unweighted[:])
     used = unweighted if offsets == "still" else record
     near = slice(0, reach(inside, len(record), WIDER))
-    x, y, pushes = used[near], used.about_cg(r_cg, near), used.part(near)[FORCE].T
+    x, y, pushes = used[near], used.about_cg(r_cg, near), used.signals_at(near)[FORCE].T
     lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
     constants = lines.constant[near, None, None] * np.eye(3)
     free = constants if offsets == "estimate" else constants[:, :, :0]

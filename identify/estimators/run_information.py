@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.choices import OffsetChoice
+from identify.estimators.gram import N_FEATURES, Sums, normal_equations
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.offsets import Offsets, estimated, rested, resting
-from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
+from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
@@ -22,7 +23,7 @@ from identify.signals.power_spectrum import noise_level, welch
 from identify.signals.run import Run
 from identify.sums.residual_spectrum import leverage, spectrum
 from identify.sums.residual_trace import Trace, trace
-from identify.sums.run_lines import FORCE, MOMENT, MOTION, OMEGA_R_OF_ACTING, RunLines, run_lines
+from identify.sums.run_lines import ACTING, FORCE, MOMENT, MOTION, RunLines, run_lines
 
 
 @dataclass(frozen=True)
@@ -137,11 +138,13 @@ def without_offsets(lines: RunLines, offsets: OffsetChoice) -> RunLines:
 
 def _equations(products: np.ndarray, r_cg: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Normal equations from the signals' products, and the derivative of their right side by the centre of gravity."""
-    normal = np.einsum("kai,kl,laj->ij", OMEGA_R_OF_ACTING, products[MOTION, MOTION], OMEGA_R_OF_ACTING, optimize=True)
-    by_force, by_moment = (np.einsum("kai,kb->iab", OMEGA_R_OF_ACTING, products[MOTION, s]) for s in (FORCE, MOMENT))
-    # (Ωᵀ(M - r × F))_i = Σ_a Ω_ai (M - r × F)_a
-    by_centre = -np.einsum("iab,cab->ic", by_force, np.array([cross_matrix(unit) for unit in np.eye(3)]))
-    return (normal + normal.T) / 2, np.einsum("iaa->i", by_moment) + by_centre @ r_cg, by_centre
+    features, force, moment = np.zeros((N_FEATURES, N_FEATURES)), *np.zeros((2, N_FEATURES, 3))
+    features[np.ix_(ACTING, ACTING)] = products[MOTION, MOTION]
+    force[ACTING], moment[ACTING] = products[MOTION, FORCE], products[MOTION, MOMENT]
+    sums = Sums(features, force, moment)
+    normal, right = map(np.asarray, normal_equations(sums, r_cg))
+    shifted = [normal_equations(sums, r_cg + unit)[1] for unit in np.eye(3)]
+    return normal, right, np.array(shifted).T - right[:, None]
 
 
 class ShownByResiduals(NamedTuple):

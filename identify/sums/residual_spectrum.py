@@ -123,10 +123,10 @@ class Spectrum:
         root = np.sqrt(self.freedom(lines))
         values = np.empty((len(first), size, size))
         start, constants = lines.indices(len(self.shape))[0], min(self.constants, len(self.shape) - 1)
-        own = slice(0, max(constants - start, 0))
+        apart = slice(0, max(constants - start, 0))
         for before, (a, b) in zip(self.products, _pairs(size), strict=True):
             value = (before[last] - before[first]) / (root[:, a] * root[:, b])
-            value[own] += np.diff(before[start : start + len(value) + 1])[own]
+            value[apart] += np.diff(before[start : start + len(value) + 1])[apart]
             values[:, a, b] = values[:, b, a] = value
         floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(size)
         return (values + floor) * self.shape[lines, None, None]

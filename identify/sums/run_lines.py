@@ -47,13 +47,13 @@ class RunLines:
         return self.signals.shape[1]
 
     def __getitem__(self, part: slice) -> Float[np.ndarray, "k 3 6"]:
-        return np.tensordot(self.part(part)[MOTION], OMEGA_R_OF_ACTING, axes=(0, 0))
+        return np.tensordot(self.signals_at(part)[MOTION], OMEGA_R_OF_ACTING, axes=(0, 0))
 
     def parts(self) -> Iterator[slice]:
         """Yield slices of a bounded size that cover all lines."""
         return blocks(len(self))
 
-    def part(self, part: slice) -> Float[np.ndarray, "15 k"]:
+    def signals_at(self, part: slice) -> Float[np.ndarray, "15 k"]:
         """Return some lines of the signals, less the constants that are taken off."""
         return self.signals[:, part] - np.multiply.outer(self.removed, self.lines.constant[part])
 
@@ -67,11 +67,11 @@ class RunLines:
 
     def products(self) -> Float[np.ndarray, "15 15"]:
         """Return the sums over all samples of the signals' products."""
-        return sum((part @ part.T for part in map(self.part, self.parts())), np.zeros((15, 15)))
+        return sum((part @ part.T for part in map(self.signals_at, self.parts())), np.zeros((15, 15)))
 
     def about_cg(self, r_cg: Float[np.ndarray, "3"], part: slice) -> Float[np.ndarray, "k 3"]:
         """Return some lines of ``M - r × F`` [N·m]."""
-        signals = self.part(part)
+        signals = self.signals_at(part)
         return signals[MOMENT].T - np.cross(r_cg, signals[FORCE].T)
 
     def residuals(self, inertia: Float[np.ndarray, "6"], r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:

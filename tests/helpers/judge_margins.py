@@ -79,11 +79,11 @@ def _of_residuals(measured):
     base = Base(fit.residuals, fit.columns, fit.prior.counted)
     judged = [evidence(base, cause, fit.transformed(cause.columns * cause.size))
               for cause in causes(fit.prediction, free=free)]  # fmt: skip
-    judged = [one for one in judged if one is not None]
+    judged = [verdict for verdict in judged if verdict is not None]
     run, band = bands[-1]
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]
     return (
-        max(one.logarithm for one in judged), min(one.chance for one in judged),
+        max(verdict.logarithm for verdict in judged), min(verdict.chance for verdict in judged),
         original(fit, free).unexplained, specification.difference(fit, result.standard_uncertainty).chance,
         max(resonance._peak(frequency, column, resonance.ABOVE * band)[1]
             for frequency, density in spectra for column in density.T),

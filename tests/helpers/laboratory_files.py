@@ -83,6 +83,6 @@ def quantities(values, unit):
 def identified_files(measured, folder, method="source", sources=(), recording=None, **options):
     """The tensor by files: each run an MCAP in the folder, the experiment that of the first run."""
     several = measured if isinstance(measured, (list, tuple)) else [measured]
-    paths = [write(folder / f"run{k}.mcap", each) for k, each in enumerate(several)]
+    paths = [write(folder / f"run{k}.mcap", measured) for k, measured in enumerate(several)]
     experiment = Experiment.from_dict(document(several[0], method, sources, **(recording or {})))
     return identify_files(paths, experiment, **options)

@@ -115,11 +115,11 @@ def run_sums(
         first, last = max(rows[0] - SPLINE - lost, 0), rows[-1] + taken + SPLINE + lost + 1
         part = {name: getattr(run, name)[first:last] for name in ("t", "force", "moment", "omega")}
         block = replace(run, **part, missing=None)
-        own = None if fixed is None else fixed[:, start : start + len(rows)]
-        for k, (row, signals) in enumerate(
+        fixed_rows = None if fixed is None else fixed[:, start : start + len(rows)]
+        for k, (elements, signals) in enumerate(
             delayed_signals(block, up[first:last], rows - first, estimator, delays, begin=run.t[0])
         ):
-            products[k] += (row if own is None else own) @ signals.T
+            products[k] += (elements if fixed_rows is None else fixed_rows) @ signals.T
             totals[k] += signals.sum(axis=1)
     sums = weighted_sums(
         products, totals, r_cg=r_cg, inertia=inertia, columns=columns, centred=offsets == "estimate",

@@ -26,7 +26,9 @@ def test_runs_of_a_rig_scatter_by_mounting(short, unjudged):
     rng, sigma, runs = np.random.default_rng(7), {s.name: s.sigma for s in sources}, []
     for mounting, shift in zip("ABC", rng.normal(0, 4e-3, (3, 3)), strict=True):
         for _ in range(2):
-            noise = [sigma[f"{of}_precision"] * rng.standard_normal(clean.omega.shape) for of in ("F", "M", "omega")]
+            noise = [
+                sigma[f"{signal}_precision"] * rng.standard_normal(clean.omega.shape) for signal in ("F", "M", "omega")
+            ]
             moment = clean.moment + np.cross(shift, clean.force) + noise[1]
             runs.append(dataclasses.replace(
                 clean, force=clean.force + noise[0], moment=moment, omega=clean.omega + noise[2], mounting=mounting,

@@ -195,8 +195,8 @@ def test_weights_are_repeated_instants(preset, stages, platform, generator):
     moments = jax.jit(lambda *given: prediction.moments(*given))
     expected = moments(body, moved.jerk[:, order], 98.0, np.full(n + 7, 30.0))
     weights = 30.0 * np.where(np.arange(n) < 7, 2.0, 1.0)
-    for got, each in zip(moments(moved.body, moved.jerk, 98.0, weights), expected, strict=True):
-        np.testing.assert_allclose(got, each, rtol=1e-9, atol=1e-12 * np.abs(each).max())
+    for got, wanted in zip(moments(moved.body, moved.jerk, 98.0, weights), expected, strict=True):
+        np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-12 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("part", [MOMENTS, pytest.param(PRODUCTS, marks=pytest.mark.study)])
