@@ -86,7 +86,7 @@ FAULTS = (
           "expected_input reference experiment",
           ("if low <= 0 or low + middle < high * (1 - 1e-12):", "if low <= 0:")),
     fault("half_width", "half-width of a triangular source over its standard deviation", "source_table source_draws",
-          ("(Triangular, np.sqrt(6))", "(Triangular, np.sqrt(3))")),
+          ("ratio = np.sqrt(6)", "ratio = np.sqrt(3)")),
     fault("block_of_draws", "every block of a trial draws the same numbers", "normals random_normals source_draws",
           ("(jnp.asarray(block).astype(jnp.uint32) + zero, place)", "(zero, place)")),
     fault("quantisation", "rounded down instead of to the nearest step", "sources",

@@ -111,13 +111,11 @@ class Blocks:
         given = self.goal.tolerance
         tolerance = numerical_tolerance(uncertainty, self.goal.digits) if given is None else np.asarray(given)
         shared = numerical_tolerance(everything[:, size:].mean(0), self.goal.digits)
+        joint = dict(zip(("λ_max", "k_p"), zip(reached[size:].tolist(), shared.tolist(), strict=True), strict=False))
         return Stability(
-            goal=self.goal,
-            blocks=len(figures),
-            tolerance=np.broadcast_to(tolerance, uncertainty.shape),
-            reached=reached[:size].reshape(4, -1).max(axis=0),
-            joint=dict(zip(("λ_max", "k_p"), zip(reached[size:].tolist(), shared.tolist(), strict=True), strict=False)),
-        )
+            goal=self.goal, blocks=len(figures), tolerance=np.broadcast_to(tolerance, uncertainty.shape),
+            reached=reached[:size].reshape(4, -1).max(axis=0), joint=joint,
+        )  # fmt: skip
 
 
 def _expanded(figures: Float[np.ndarray, "blocks figures"], comparisons: int) -> Float[np.ndarray, " figures"]:

@@ -5,7 +5,7 @@ Regions of several outputs together are in :mod:`uq.coverage.coverage_regions`; 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -56,7 +56,7 @@ def symmetric_interval(
     Raises:
         ValueError: the probability is not between 0 and 1, or there is no trial axis.
     """
-    return _of_points("symmetric", draws, probability, points, _symmetric)
+    return _interval("symmetric", draws, probability, points, _symmetric)
 
 
 def shortest_interval(
@@ -76,7 +76,7 @@ def shortest_interval(
     Raises:
         ValueError: the probability is not between 0 and 1, or there is no trial axis.
     """
-    return _of_points("shortest", draws, probability, points, _shortest)
+    return _interval("shortest", draws, probability, points, _shortest)
 
 
 def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
@@ -92,38 +92,32 @@ def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
     values = np.asarray(uncertainty, float)
     if (values < 0).any():
         raise ValueError("Argument `uncertainty` must be zero or more, but has a negative value.")
-    return np.vectorize(lambda u: _half_of_the_last_digit(u, digits), otypes=[float])(values)
+
+    def half_of_the_last_digit(u: float) -> float:
+        if not math.isfinite(u) or u == 0:
+            return 0.0 if u == 0 else math.nan
+        exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
+        return 0.5 * 10.0 ** (exponent - digits + 1)
+
+    return np.vectorize(half_of_the_last_digit, otypes=[float])(values)
 
 
-def _half_of_the_last_digit(u: float, digits: int) -> float:
-    if not math.isfinite(u) or u == 0:
-        return 0.0 if u == 0 else math.nan
-    exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
-    return 0.5 * 10.0 ** (exponent - digits + 1)
-
-
-def _of_points(kind: Kind, draws: np.ndarray, probability: float, points: Points, ends) -> CoverageInterval:
-    interval = _by_output(kind, draws, probability, ends)
-    if points == "random":
-        return interval
-
-    def of_replicate(trials: np.ndarray) -> np.ndarray:
-        own = _by_output(kind, trials, probability, ends)
-        return np.stack([own.low, own.high])
-
-    low, high = standard_error(of_replicates(of_replicate, draws))
-    return replace(interval, low_standard_error=low, high_standard_error=high)
-
-
-def _by_output(kind: Kind, draws: np.ndarray, probability: float, ends) -> CoverageInterval:
+def _interval(kind: Kind, draws: np.ndarray, probability: float, points: Points, ends) -> CoverageInterval:
     draws = np.asarray(draws, float)
     if not 0 < probability < 1:
         raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
     if draws.ndim == 0:
         raise ValueError("Argument `draws` must have the trials on its first axis, but is a single number.")
-    columns = draws.reshape(len(draws), math.prod(draws.shape[1:])).T
-    figures = np.array([ends(column[np.isfinite(column)], probability) for column in columns]).reshape(-1, 4)
-    return CoverageInterval(kind, probability, *(column.reshape(draws.shape[1:]) for column in figures.T))
+
+    def figures(trials: np.ndarray) -> np.ndarray:
+        columns = trials.reshape(len(trials), math.prod(trials.shape[1:])).T
+        by_output = [ends(column[np.isfinite(column)], probability) for column in columns]
+        return np.array(by_output).reshape(-1, 4).T.reshape(4, *trials.shape[1:])
+
+    ends_and_errors = figures(draws)
+    if points == "quasi-random":
+        ends_and_errors[2:] = standard_error(of_replicates(lambda trials: figures(trials)[:2], draws))
+    return CoverageInterval(kind, probability, *map(np.asarray, ends_and_errors))
 
 
 def _inside(trials: int, probability: float) -> int:
@@ -138,11 +132,11 @@ def _symmetric(draws: np.ndarray, probability: float) -> tuple[float, ...]:
     low = max((len(y) - q + 1) // 2 - 1, 0)
     high = min(low + q, len(y) - 1)
     tail = (1 - probability) / 2
-    return y[low], y[high], _order_error(y, low, tail), _order_error(y, high, tail)
+    return y[low], y[high], order_error(y, low, tail), order_error(y, high, tail)
 
 
-def _order_error(ordered: np.ndarray, place: int, tail: float) -> float:
-    """Standard error of an order statistic: the scatter of its rank, √(M p (1 - p)), times the spacing around it."""
+def order_error(ordered: np.ndarray, place: int, tail: float) -> float:
+    """Return the standard error of an order statistic: the scatter of its rank, √(M p (1 - p)), times the spacing."""
     scatter = math.sqrt(len(ordered) * tail * (1 - tail))
     window = max(int(2 * scatter), 1)
     low, high = max(place - window, 0), min(place + window, len(ordered) - 1)
@@ -186,24 +180,9 @@ class Verdict(Result):
     """Twice the larger standard error of the Monte Carlo's ends: what this many trials can tell."""
 
     @property
-    def low_holds(self) -> np.ndarray:
-        """Whether the lower ends agree."""
-        return np.asarray(np.abs(self.d_low) <= self.tolerance)
-
-    @property
-    def high_holds(self) -> np.ndarray:
-        """Whether the upper ends agree."""
-        return np.asarray(np.abs(self.d_high) <= self.tolerance)
-
-    @property
     def holds(self) -> np.ndarray:
         """Whether both ends of the interval agree, so that the law is validated."""
-        return np.asarray(self.low_holds & self.high_holds)
-
-    @property
-    def enough_trials(self) -> np.ndarray:
-        """Whether the Monte Carlo is as accurate as 8.2 requires: its numerical tolerance is a fifth of δ."""
-        return np.asarray(self.resolution <= self.tolerance / 5)
+        return np.asarray(np.maximum(np.abs(self.d_low), np.abs(self.d_high)) <= self.tolerance)
 
     def reasons(self) -> list[str]:
         """Return a sentence for each output: that the law holds, or which end fails and why."""

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from jaxtyping import Bool, Float
+from jaxtyping import Float
+
+from uq.coverage.coverage_intervals import order_error
 
 Draws = Float[np.ndarray, "trials outputs"]
 
@@ -37,11 +39,6 @@ class EllipsoidalRegion:
         """k_p of normal outputs: the root of the quantile of χ² (JCGM 102, 6.5.2.3)."""
         return float(np.sqrt(scipy.special.chdtri(len(self.centre), 1 - self.probability)))
 
-    def contains(self, points: Float[np.ndarray, "*points outputs"]) -> Bool[np.ndarray, "*points"]:
-        """Return which points lie inside."""
-        flat = np.reshape(points, (-1, len(self.centre)))
-        return (distance(flat, self.centre, self.covariance) <= self.factor.value).reshape(np.shape(points)[:-1])
-
 
 def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> EllipsoidalRegion:
     """Return the ellipsoidal coverage region of the trials (JCGM 102, 7.7.2).
@@ -53,35 +50,24 @@ def ellipsoidal_region(draws: np.ndarray, probability: float = 0.95) -> Ellipsoi
     draws = _checked(draws, probability)
     centre, covariance = draws.mean(0), covariance_of(draws)
     factor = quantile(distance(draws, centre, covariance), probability)
-    halves = draws[::2], draws[1::2]
-    inside = [_inside(halves[0], halves[1], probability), _inside(halves[1], halves[0], probability)]
+    first, second = draws[::2], draws[1::2]
+    inside = np.concatenate([_inside(first, second, probability), _inside(second, first, probability)])
+    share = float(np.mean(inside))
+    coverage = Figure(share, float(np.sqrt(share * (1 - share) / len(inside))))
     return EllipsoidalRegion(
-        probability=probability, centre=centre, covariance=covariance, factor=factor,
-        coverage=_share(np.concatenate(inside)),
-    )  # fmt: skip
+        probability=probability, centre=centre, covariance=covariance, factor=factor, coverage=coverage
+    )
 
 
 def quantile(values: Float[np.ndarray, " trials"], probability: float) -> Figure:
     """Return the quantile of a sample and its standard error, from the values around it."""
     ordered = np.sort(values)
-    scatter = np.sqrt(len(ordered) * probability * (1 - probability))
-    place = int(probability * len(ordered))
-    low, high = max(place - int(2 * scatter), 0), min(place + int(2 * scatter), len(ordered) - 1)
-    spacing = (ordered[high] - ordered[low]) / max(high - low, 1)
-    return Figure(float(ordered[min(place, len(ordered) - 1)]), float(scatter * spacing))
+    place = min(int(probability * len(ordered)), len(ordered) - 1)
+    return Figure(float(ordered[place]), float(order_error(ordered, place, probability)))
 
 
 def _checked(draws: np.ndarray, probability: float) -> Draws:
     """Return the trials that are finite, if there are enough and no output follows from the others."""
-    draws = _finite(draws, probability)
-    scale = draws.std(0)
-    if not (scale > 0).all() or np.linalg.cond(np.corrcoef(draws, rowvar=False).reshape(len(scale), -1)) > 1e12:
-        raise ValueError("Argument `draws` must have outputs that are independent, but one follows from the others.")
-    return draws
-
-
-def _finite(draws: np.ndarray, probability: float) -> Draws:
-    """Return the trials that are finite, if there are enough."""
     draws = np.asarray(draws, float)
     if not 0 < probability < 1:
         raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
@@ -92,6 +78,9 @@ def _finite(draws: np.ndarray, probability: float) -> Draws:
         raise ValueError(
             f"Argument `draws` must hold {40 * draws.shape[1]} finite trials or more, but has {len(draws)}."
         )
+    scale = draws.std(0)
+    if not (scale > 0).all() or np.linalg.cond(np.corrcoef(draws, rowvar=False).reshape(len(scale), -1)) > 1e12:
+        raise ValueError("Argument `draws` must have outputs that are independent, but one follows from the others.")
     return draws
 
 
@@ -118,8 +107,3 @@ def _inside(draws: Draws, others: Draws, probability: float) -> np.ndarray:
 def covariance_of(draws: Draws) -> Float[np.ndarray, "outputs outputs"]:
     """Return the covariance matrix of the trials, also of a single output."""
     return np.cov(draws, rowvar=False).reshape(draws.shape[1], draws.shape[1])
-
-
-def _share(inside: np.ndarray) -> Figure:
-    share = float(np.mean(inside))
-    return Figure(share, float(np.sqrt(max(share * (1 - share), 0) / len(inside))))

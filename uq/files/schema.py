@@ -110,19 +110,12 @@ def finite(raw: Any, shape: tuple[int, int]) -> np.ndarray:
         ValueError: what is written is anything else.
     """
     try:
-        values = np.array(raw, float) if _only_numbers(raw) else np.array(np.nan)
-    except ValueError:  # rows of unequal length
+        values = np.array(msgspec.convert(raw, list[list[float]]))
+    except (msgspec.ValidationError, OverflowError, ValueError):  # also: rows of unequal length
         values = np.array(np.nan)
-    if values.shape != shape or not np.isfinite(values).all():
+    if values.shape != shape or not (np.abs(values) < 1e300).all():
         raise ValueError(f"is {quoted(raw)}: write {shape[0]} rows of {shape[1]} finite numbers")
     return values
-
-
-def _only_numbers(raw: object) -> bool:
-    """Whether a number, or lists of numbers: no strings, no truth values."""
-    if isinstance(raw, list):
-        return all(map(_only_numbers, raw))
-    return isinstance(raw, (int, float)) and not isinstance(raw, bool) and bool(abs(raw) < 1e300)
 
 
 def declared_table(where: str, raw: object, table: type[Table]) -> Table:

@@ -17,7 +17,7 @@ from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draws import stream_number
 from uq.sources.quasi_random import Points, SobolPoints, coordinates_of, sobol_points, values_at
-from uq.trials.trial_loop import all_trials
+from uq.trials.trial_loop import RunTrials, all_trials
 
 Values = dict[str, Array]
 Model = Callable[[Values], Array]
@@ -83,28 +83,18 @@ def outputs(
     points: Points,
 ) -> Float[np.ndarray, "trials rows outputs"]:
     """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
-    net = _net(inputs, 0, trials, seed, points)
-    problem = _Redrawn(
-        model=model, names=tuple(inputs), distributions=tuple(inputs.values()), joint=joint, rows=jnp.asarray(fixed),
-        net=net,
-    )  # fmt: skip
-    return all_trials(_outputs, problem, trials, seed, **_options(trials, len(fixed)))
+    net = None if points == "random" else sobol_points(2 * coordinates_of(inputs), trials, seed)
+    return _redrawn(_outputs, _Redrawn.of(model, inputs, joint, fixed, net), trials, seed, len(fixed))
 
 
-def _net(inputs: Mapping[str, Distribution], more: int, trials: int, seed: int, points: Points) -> SobolPoints | None:
-    """Points of both draws of all inputs, and of ``more`` numbers; None where they are random."""
-    if points == "random":
-        return None
-    return sobol_points(2 * coordinates_of(inputs) + more, trials, seed)
+def _redrawn(run: RunTrials, problem: "_Redrawn", trials: int, seed: int, rows: int) -> Any:
+    """Run trials of this many rows.
 
-
-def _options(trials: int, rows: int) -> dict[str, Any]:
-    """Return options of the loop: one device, since batches of LAPACK's on two of one processor wait for ever.
-
-    Models may call it (eigenvalues, solutions of equations), and so do the regressions of correlated inputs.
+    On one device, since batches of LAPACK's on two of one processor wait for ever. Models may call it (eigenvalues,
+    solutions of equations), and so do the regressions of correlated inputs.
     """
     batch = max(1, min(trials, AT_ONCE // rows))
-    return {"devices": jax.devices()[:1], "batch": batch, "segment": trials}
+    return all_trials(run, problem, trials, seed, devices=jax.devices()[:1], batch=batch, segment=trials)
 
 
 class _Redrawn(Pytree):
@@ -118,6 +108,15 @@ class _Redrawn(Pytree):
     """Mask of the inputs that each row keeps; with walks, the inputs that each player holds."""
     net: SobolPoints | None
     """Points of quasi-random trials; None: trials are random."""
+
+    @classmethod
+    def of(
+        cls, model: Model, inputs: Mapping[str, Distribution], joint: Joint | None, rows: np.ndarray,
+        net: SobolPoints | None,
+    ) -> "_Redrawn":  # fmt: skip
+        """Return what a model is given, JAX's arrays."""
+        distributions = tuple(inputs.values())
+        return cls(model, tuple(inputs), distributions, joint, jnp.asarray(rows), net)
 
     @property
     def inputs(self) -> Listed:
@@ -150,12 +149,8 @@ def walks(
 
     The first of the players + 1 rows keeps all inputs, the last redraws all.
     """
-    net = _net(inputs, len(holds), trials, seed, points)
-    problem = _Redrawn(
-        model=model, names=tuple(inputs), distributions=tuple(inputs.values()), joint=joint, rows=jnp.asarray(holds),
-        net=net,
-    )  # fmt: skip
-    return all_trials(_walks, problem, trials, seed, **_options(trials, len(holds) + 1))
+    net = None if points == "random" else sobol_points(2 * coordinates_of(inputs) + len(holds), trials, seed)
+    return _redrawn(_walks, _Redrawn.of(model, inputs, joint, holds, net), trials, seed, len(holds) + 1)
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array) -> tuple[Array, Array]:
@@ -203,26 +198,29 @@ def _pair(inputs: Listed, joint: Joint | None, key, trial) -> Pair:
 
 
 def _pair_at(inputs: Listed, joint: Joint | None, point: Float[Array, " coordinates"]) -> Pair:
-    halves = jnp.split(point, 2)
-    values = [values_at(dict(inputs), half) for half in halves]
+    first, second = jnp.split(point, 2)
+    values = values_at(dict(inputs), first), values_at(dict(inputs), second)
     if joint is None:
-        return Pair((values[0], values[1]), None)
-    standard = dict.fromkeys(joint.names, Normal(0.0, 1.0))
-    normals = [values_at(dict(inputs) | standard, half) for half in halves]
-    first, second = (joint.root @ jnp.stack([drawn[name] for name in joint.names]) for drawn in normals)
-    return Pair((values[0], values[1]), (first, second))
+        return Pair(values, None)
+    standard = dict(inputs) | dict.fromkeys(joint.names, Normal(0.0, 1.0))
+
+    def normals(half):
+        drawn = values_at(standard, half)
+        return joint.root @ jnp.stack([drawn[name] for name in joint.names])
+
+    return Pair(values, (normals(first), normals(second)))
 
 
 def _evaluate(model, inputs: Listed, joint: Joint | None, pair: Pair, fixed, gains) -> Float[Array, "rows outputs"]:
+    given = dict(inputs)
+
     def of_row(row, gain):
         first, second = pair.values
-        values = {name: jnp.where(row[k], first[name], second[name]) for k, (name, _) in enumerate(inputs)}
+        values = {name: jnp.where(row[k], first[name], second[name]) for k, name in enumerate(given)}
         if joint is not None and pair.normals is not None:
             z, other = pair.normals
-            redrawn = other + gain @ (z - other)
-            given = dict(inputs)
-            for k, name in enumerate(joint.names):
-                values[name] = given[name].mean + given[name].standard_deviation * redrawn[k]
+            for name, redrawn in zip(joint.names, other + gain @ (z - other), strict=True):
+                values[name] = given[name].mean + given[name].standard_deviation * redrawn
         return jnp.ravel(model(values))
 
     return jax.vmap(of_row)(fixed, gains)

@@ -52,6 +52,5 @@ def without_sources(
             raise ExperimentError(f"no source to leave out has the name or kind {quoted(wanted)}: {choices}")
         left_out |= dict.fromkeys(names)
     links = [link for link in document.get("correlation", []) if not left_out.keys() & set(link["sources"])]
-    reduced = {**document, "source": [s for s in document.get("source", []) if s["name"] not in left_out]}
-    reduced = {key: value for key, value in reduced.items() if key != "correlation"}
-    return reduced | ({"correlation": links} if links else {}), list(left_out)
+    remaining = [source for source in document.get("source", []) if source["name"] not in left_out]
+    return with_keys(document, {"source": remaining, "correlation": links or None}), list(left_out)

@@ -63,20 +63,16 @@ def no_errors() -> Errors:
     return Errors(*(np.zeros((sizes | wrench).get(name, (3,))) for name in Errors._fields))
 
 
-def _places() -> dict[str, slice]:
-    sizes = [zero.size for zero in no_errors()]
-    ends = np.cumsum(sizes).tolist()
-    return {field: slice(end - size, end) for field, size, end in zip(Errors._fields, sizes, ends, strict=True)}
-
-
-PLACES = _places()
+ENDS = np.cumsum([zero.size for zero in no_errors()]).tolist()
+PLACES = dict(zip(Errors._fields, map(slice, [0, *ENDS[:-1]], ENDS), strict=True))
 """Places of each field's numbers among all of them in one array."""
 
 
 def unravel(errors: Float[Array, " e"]) -> Errors:
     """Return errors from all their numbers in one array, of JAX or of NumPy."""
-    shapes = {field: zero.shape for field, zero in no_errors()._asdict().items()}
-    return Errors(**{field: errors[place].reshape(shapes[field]) for field, place in PLACES.items()})
+    return Errors(
+        *(errors[place].reshape(zero.shape) for place, zero in zip(PLACES.values(), no_errors(), strict=True))
+    )
 
 
 def effect(source: Source, draw: Draw) -> Draw:
@@ -112,18 +108,15 @@ def errors_of(sources: Sequence[Source], draws: Mapping[str, Array]) -> Errors:
     return Errors(*(leaf[0] for leaf in together))
 
 
-def over_cases(function: Callable[..., Any], errors: Sequence[Errors], *others: Any, out_axes: int = 0) -> Any:
-    """Return what a function of errors (and of others) gives in each case: ``vmap``, with zeros not traced.
+def over_cases(function: Callable[..., Any], errors: Sequence[Errors]) -> Any:
+    """Return what a function of errors gives in each case: ``vmap``, with zeros not traced.
 
     Args:
-        function: of one case's errors, one argument each, then of the others.
+        function: of one case's errors, one argument each.
         errors: of :func:`errors_of_cases`.
-        others: any trees of arrays, the cases leading.
-        out_axes: where the cases stand in the result.
     """
     moving = [{field: x for field, x in case._asdict().items() if not isinstance(x, np.ndarray)} for case in errors]
-    case_result = lambda moving, *rest: function(*(no_errors()._replace(**case) for case in moving), *rest)  # noqa: E731
-    return jax.vmap(case_result, out_axes=out_axes)(moving, *others)
+    return jax.vmap(lambda cases: function(*(no_errors()._replace(**case) for case in cases)))(moving)
 
 
 def perturbed(sources: Sequence[Source]) -> frozenset[str]:

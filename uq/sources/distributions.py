@@ -91,6 +91,8 @@ class Normal(Distribution):
 class Bounded(Distribution):
     """A symmetric distribution between two limits, drawn as a function of uniform numbers."""
 
+    ratio: ClassVar[float]
+    """Half-width over the standard deviation."""
     low: Value
     high: Value
 
@@ -102,6 +104,11 @@ class Bounded(Distribution):
     def mean(self) -> Value:
         """Middle of the interval."""
         return (self.low + self.high) / 2
+
+    @property
+    def standard_deviation(self) -> Value:
+        """The half-width over :attr:`ratio`."""
+        return (self.high - self.low) / 2 / self.ratio
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
@@ -124,13 +131,9 @@ class Bounded(Distribution):
 class Rectangular(Bounded):
     """All values between two limits are equally probable (JCGM 101, 6.4.2)."""
 
+    ratio = np.sqrt(3)
     excess_kurtosis = -1.2
     degrees_of_freedom: Value = np.inf
-
-    @property
-    def standard_deviation(self) -> Value:
-        """The half-width over √3."""
-        return (self.high - self.low) / np.sqrt(12)
 
     def _of(self, uniform: Array) -> Array:
         return self._between(uniform[0])
@@ -140,13 +143,9 @@ class Triangular(Bounded):
     """Symmetric triangle between two limits (JCGM 101, 6.4.5): the average of two rectangular ones."""
 
     uniforms: ClassVar[int] = 2
+    ratio = np.sqrt(6)
     excess_kurtosis = -0.6
     degrees_of_freedom: Value = np.inf
-
-    @property
-    def standard_deviation(self) -> Value:
-        """The half-width over √6."""
-        return (self.high - self.low) / np.sqrt(24)
 
     def _of(self, uniform: Array) -> Array:
         return self._between((uniform[0] + uniform[1]) / 2)
@@ -155,16 +154,16 @@ class Triangular(Bounded):
 class UShaped(Bounded):
     """Arc sine between two limits: a quantity that cycles sinusoidally, seen at a random instant (JCGM 101, 6.4.6)."""
 
+    ratio = np.sqrt(2)
     excess_kurtosis = -1.5
     degrees_of_freedom: Value = np.inf
 
-    @property
-    def standard_deviation(self) -> Value:
-        """The half-width over √2."""
-        return (self.high - self.low) / np.sqrt(8)
-
     def _of(self, uniform: Array) -> Array:
         return self._between((1 + jnp.sin(2 * np.pi * uniform[0])) / 2)
+
+
+BETWEEN_LIMITS: dict[str, type[Bounded]] = {"rectangular": Rectangular, "triangular": Triangular, "u_shaped": UShaped}
+"""Distributions that two limits alone determine, by their names in files."""
 
 
 class StudentT(Distribution):

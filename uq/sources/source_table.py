@@ -65,7 +65,12 @@ def sources_of(
     Raises:
         ExperimentError: a mistake in either.
     """
-    entries = [_entry(table, folder) for table in written]
+    entries = []
+    for table in written:
+        try:
+            entries.append(_entry(table, folder))
+        except WrongKeyError as error:
+            raise ExperimentError(error.line(table.where, table.raw)) from None
     sources = {entry.source.name: entry.source for entry in entries}
     _check_names([entry.source for entry in entries])
     links = [link_of(f"correlation[{k}]", link, sources) for k, link in enumerate(correlations)]
@@ -73,13 +78,6 @@ def sources_of(
 
 
 def _entry(written: WrittenSource, folder: Path) -> SourceEntry:
-    try:
-        return _checked_entry(written, folder)
-    except WrongKeyError as error:
-        raise ExperimentError(error.line(written.where, written.raw)) from None
-
-
-def _checked_entry(written: WrittenSource, folder: Path) -> SourceEntry:
     table, kind, where = written.table, written.kind, written.where
     width = Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
     if kind.constant or kind.white:

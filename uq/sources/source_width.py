@@ -1,7 +1,6 @@
 """Distribution of a source's draw: from the keys of its ``[[source]]`` to scale, mean and shape."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,17 +10,11 @@ from rig.read_limits import require_file
 from rig.toml_tables import WrongKeyError
 from uq.files.units import UnitError, scale
 from uq.sources.datasheet import datasheet
-from uq.sources.distributions import Distribution, Empirical, Normal, Rectangular, StudentT, Triangular, UShaped
+from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
 from uq.sources.source import ErrorKind
 from uq.sources.source_figures import part_of
 from uq.sources.source_keys import DrawTable
 
-BOUNDED: dict[str, tuple[Callable[..., Distribution], float]] = {
-    "rectangular": (Rectangular, np.sqrt(3)),
-    "triangular": (Triangular, np.sqrt(6)),
-    "u_shaped": (UShaped, np.sqrt(2)),
-}
-"""Distributions between limits, and their half-width over their standard deviation."""
 WAYS = ("distribution", "degrees_of_freedom", "datasheet", "samples", "unit")
 WIDTHS = ("sigma", "half_width", "scale", "datasheet", "samples")
 MOST_ROWS = 100_000
@@ -74,12 +67,12 @@ def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
     if distribution == "student_t":
         key, shape = "scale", StudentT(0.0, 1.0, nu)
     elif distribution != "normal":
-        build, ratio = BOUNDED[distribution]
-        shape = build(-ratio, ratio, nu)
-        key, ratio = ("half_width", ratio) if table.half_width is not None else ("sigma", 1.0)
+        bounded: Any = BETWEEN_LIMITS[distribution]
+        shape = bounded(-bounded.ratio, bounded.ratio, nu)
+        key, ratio = ("half_width", bounded.ratio) if table.half_width is not None else ("sigma", 1.0)
     figure = getattr(table, key)
     if figure is None and table.half_width is not None:
-        advice = f'add distribution = "rectangular", or another of {", ".join(BOUNDED)}'
+        advice = f'add distribution = "rectangular", or another of {", ".join(BETWEEN_LIMITS)}'
         raise WrongKeyError(key, advice, "is missing, and half_width belongs to a distribution between limits")
     if figure is None:
         raise WrongKeyError(key, "add it")
@@ -123,12 +116,10 @@ def _standard(distribution: Distribution) -> tuple[float, Distribution]:
     """Scale and shape of a distribution about zero."""
     if isinstance(distribution, StudentT):
         return float(distribution.scale), StudentT(0.0, 1.0, distribution.degrees_of_freedom)
-    sigma = float(distribution.standard_deviation)
-    for build, ratio in BOUNDED.values():
-        if type(distribution) is build:
-            bounded: Any = build
-            return sigma, bounded(-ratio, ratio)
-    return sigma, Normal(0.0, 1.0)
+    shape: Distribution = Normal(0.0, 1.0)
+    if isinstance(distribution, Bounded):
+        shape = type(distribution)(-distribution.ratio, distribution.ratio)
+    return float(distribution.standard_deviation), shape
 
 
 def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:

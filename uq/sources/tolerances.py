@@ -14,10 +14,8 @@ import msgspec
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
 from uq.files.schema import in_unit, quantity_schema
-from uq.sources.distributions import Distribution, Normal, Rectangular, Triangular, UShaped
+from uq.sources.distributions import BETWEEN_LIMITS, Distribution, Normal
 
-WITHIN: Mapping[str, Any] = {"rectangular": Rectangular, "triangular": Triangular, "u_shaped": UShaped}
-"""Distributions between two limits."""
 STATED = ("tolerance", "standard_uncertainty", "expanded_uncertainty")
 
 UncertainQuantity = float | Distribution
@@ -33,7 +31,12 @@ def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
     """
 
     def read(path: str, raw: Any) -> UncertainQuantity:
-        return _read(path, raw, unit, above)
+        if not isinstance(raw, Mapping):
+            return float(read_value(path, raw, Annotated[float, in_unit(unit, above=above)]))
+        distribution = read_table(path, raw, _table(unit, above)).distribution_of_value
+        if getattr(distribution, "low", math.inf) <= above:
+            raise ValueError(f"has a tolerance {quoted(raw['tolerance'])}: the limits must be above zero")
+        return distribution
 
     return written(read, _schema(unit))
 
@@ -51,15 +54,6 @@ def uncertain_vector(unit: str, *, above: float | int = -math.inf) -> msgspec.Me
 def mean(quantity: UncertainQuantity) -> float:
     """Return a quantity's best estimate."""
     return float(quantity.mean) if isinstance(quantity, Distribution) else float(quantity)
-
-
-def _read(path: str, raw: Any, unit: str, above: float | int) -> UncertainQuantity:
-    if not isinstance(raw, Mapping):
-        return float(read_value(path, raw, Annotated[float, in_unit(unit, above=above)]))
-    distribution = read_table(path, raw, _table(unit, above)).distribution_of_value
-    if getattr(distribution, "low", math.inf) <= above:
-        raise ValueError(f"has a tolerance {quoted(raw['tolerance'])}: the limits must be above zero")
-    return distribution
 
 
 @cache
@@ -89,7 +83,7 @@ def _table(unit: str, above: float | int) -> Any:
         def distribution_of_value(self) -> Distribution:
             """Distribution between the limits of a tolerance; else normal, from an expanded uncertainty over k."""
             if self.tolerance is not None:
-                shape = WITHIN[self.distribution or "rectangular"]
+                shape = BETWEEN_LIMITS[self.distribution or "rectangular"]
                 low, high = self.tolerance if isinstance(self.tolerance, tuple) else (-self.tolerance, self.tolerance)
                 return shape(self.value + low, self.value + high)
             if self.standard_uncertainty is not None:
@@ -124,7 +118,7 @@ def _schema(unit: str) -> dict[str, Any]:
         "standard_uncertainty": size,
         "expanded_uncertainty": size,
         "coverage_factor": {"type": "number", "exclusiveMinimum": 0},
-        "distribution": {"enum": list(WITHIN)},
+        "distribution": {"enum": list(BETWEEN_LIMITS)},
     }
     table = {"type": "object", "properties": keys, "required": ["value"], "additionalProperties": False}
     forms = [size, {**table, "oneOf": [{"required": [key]} for key in STATED]}]

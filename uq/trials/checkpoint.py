@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.atomic_files import naming
+from rig.atomic_files import replacing
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
 from uq.trials.engine import TrialEstimates
@@ -178,8 +178,13 @@ class Checkpoint:
             )
 
     def _read(self, path: Path) -> tuple[dict[str, Any], TrialEstimates]:
-        header, payload = _unpack(path.read_bytes())
-        if not header:
+        line, _, payload = path.read_bytes().partition(b"\n")
+        try:
+            header = json.loads(line)
+            intact = header.pop("sha256") == _checksum(header, payload)
+        except (ValueError, KeyError, AttributeError, TypeError):
+            intact = False
+        if not intact:
             raise ExperimentError(f"{path} is cut or edited (its checksum is another): {_delete(self.folder)}")
         if header["campaign"] != self.digest:
             raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
@@ -218,30 +223,11 @@ def _pack(header: dict[str, Any], estimates: TrialEstimates) -> bytes:
     return json.dumps(header | {"sha256": _checksum(header, payload)}).encode() + b"\n" + payload
 
 
-def _unpack(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Header and payload; no header where the checksum does not fit."""
-    line, _, payload = data.partition(b"\n")
-    try:
-        header = json.loads(line)
-        stated = header.pop("sha256")
-    except (ValueError, KeyError, AttributeError, TypeError):
-        return {}, b""
-    return (header, payload) if stated == _checksum(header, payload) else ({}, b"")
-
-
 def _checksum(header: dict[str, Any], payload: bytes) -> str:
     return hashlib.sha256(_digest(header).encode() + payload).hexdigest()
 
 
 def _write(path: Path, data: bytes) -> None:
     """Write a file beside its place, down to the disk, and move it there."""
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with naming(path), partial.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
+    with replacing(path, overwrite=True) as file:
+        file.write(data)
