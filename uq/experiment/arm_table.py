@@ -1,6 +1,5 @@
 """The keys of ``[platform]`` that describe a robot arm of revolute and prismatic joints."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -65,25 +64,6 @@ class JointTable(TomlTable, frozen=True, kw_only=True):
     """Largest torque of the joint, or force if it slides, either way."""
 
 
-@dataclass(frozen=True)
-class DeclaredArm:
-    """A robot arm as declared; its URDF is not yet read."""
-
-    urdf: str
-    """Path of the arm's description."""
-    tool: str
-    """Frame of the URDF that is the load cell's."""
-    home: tuple[Written, ...]
-    """Joint positions at which motions start and end; empty: every joint at zero."""
-    rate: float
-    """Rate of commands and of the sensors' samples [Hz]."""
-    clearance: float
-    """Least distance of the arm's links from each other [m]."""
-    floor: float | None
-    """Height above the base that nothing falls below [m]; None: there is no floor."""
-    joints: tuple[JointTable, ...]
-
-
 class ArmKeys(TomlTable, frozen=True, kw_only=True):
     """The keys of an arm."""
 
@@ -102,15 +82,12 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
     joint: tuple[JointTable, ...] = ()
     """Limits of an arm's joints beside those of its URDF."""
 
-    def arm(self, folder: Path) -> DeclaredArm | None:
+    def arm(self, folder: Path) -> "DeclaredArm | None":
         """Return the arm, its URDF in a folder; None: another platform."""
-        if self.urdf is None or self.tool is None:
+        if self.urdf is None:
             return None
-        path = str(folder / self.urdf)
-        return DeclaredArm(
-            urdf=path, tool=self.tool, home=self.home, rate=self.rate, clearance=self.clearance, floor=self.floor,
-            joints=self.joint,
-        )  # fmt: skip
+        keys = {key: getattr(self, key) for key in ArmKeys.__struct_fields__}
+        return DeclaredArm(**keys | {"urdf": str(folder / self.urdf)})
 
     def check_arm(self, is_arm: bool) -> None:
         """Refuse an arm without its keys, and the keys of an arm elsewhere."""
@@ -126,3 +103,12 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
         for key in ArmKeys.__struct_fields__:
             if not np.array_equal(getattr(self, key), getattr(defaults, key)):
                 raise WrongKeyError(key, 'write kind = "arm", or remove it', "describes an arm")
+
+
+class DeclaredArm(ArmKeys, frozen=True, kw_only=True):
+    """A robot arm as declared; its URDF is not yet read."""
+
+    urdf: str
+    """Path of the arm's description."""
+    tool: Name
+    """Frame of the URDF that is the load cell's."""

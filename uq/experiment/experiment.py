@@ -37,6 +37,7 @@ from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.plain_values import plain_values
 from uq.files.schema import declared_table
 from uq.sources.changed_source import changed_source, without_sources
+from uq.sources.constant_errors import declared_sigma
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.sources.source_table import sources_of
@@ -316,8 +317,7 @@ class Experiment(Shown):
     @property
     def sigma_r_cg(self) -> np.ndarray:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
-        squares = [np.square(source.standard_deviation) for source in self.sources if source.perturbs == "r_cg"]
-        return np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros(3)
+        return declared_sigma(self.sources, "r_cg")
 
 
 def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:

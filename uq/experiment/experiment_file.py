@@ -90,9 +90,6 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
             raise WrongKeyError(
                 "", f"unknown estimator '{self.recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
-        self._refuse_two_masses()
-
-    def _refuse_two_masses(self) -> None:
         mass = None if self.body is None else self.body.mass
         if mass is not None and self.scale is not None:
             read, sigma = self.scale.value

@@ -185,10 +185,10 @@ class LimitsTable(TomlTable, frozen=True, kw_only=True):
     def limits(self) -> DeclaredLimits:
         """The limits in SI, leg by leg."""
         leg = {key: np.full(6, getattr(self, key)) for key in ("speed", "acceleration", "force")}
-        single = {key: np.array(getattr(self, key)) for key in ("joint_angle", "gyro_range", "body_acceleration")}
-        cell = {key: np.array(getattr(self, key)) for key in ("cell_force", "cell_moment")}
+        others = ("joint_angle", "gyro_range", "body_acceleration", "cell_force", "cell_moment")
+        rig = {key: np.array(getattr(self, key)) for key in others}
         length = Limits.none().length if self.length is None else np.tile(self.length, (6, 1))
-        figures = Limits.none()._replace(length=length, bandwidth=self.bandwidth, **leg, **single, **cell)
+        figures = Limits.none()._replace(length=length, bandwidth=self.bandwidth, **leg, **rig)
         return DeclaredLimits(figures, self.needs_of)
 
 

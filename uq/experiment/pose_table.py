@@ -112,31 +112,23 @@ def up(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
     Raises:
         RunError: a row that is no rotation, no unit quaternion, or no direction.
     """
-    reader = {"gravity": _against, "matrix": _of_matrix, "quaternion": _of_quaternion}[str(poses.attitude)]
     directions = []
     for row, value in enumerate(values, start=1):
         try:
-            directions.append(reader(value, poses.takes == "level_to_sensor"))
+            directions.append(_upward(value, poses))
         except ValueError as error:
             raise RunError(f"{poses.attitude} of pose {row} in {name} {error}") from None
     return np.array(directions)
 
 
-def _against(value: np.ndarray, _: bool) -> np.ndarray:
-    length = np.linalg.norm(value)
-    if not length > 0:
-        raise ValueError("is zero: write the vector of gravity")
-    return np.asarray(-value / length)
-
-
-def _of_matrix(value: np.ndarray, level_to_sensor: bool) -> np.ndarray:
-    rotation = nearest_rotation(value.reshape(3, 3))
-    return rotation[:, 2] if level_to_sensor else rotation[2]
-
-
-def _of_quaternion(value: np.ndarray, level_to_sensor: bool) -> np.ndarray:
-    rotation = from_quaternion(*value)
-    return rotation[:, 2] if level_to_sensor else rotation[2]
+def _upward(value: np.ndarray, poses: Poses) -> np.ndarray:
+    if poses.attitude == "gravity":
+        length = np.linalg.norm(value)
+        if not length > 0:
+            raise ValueError("is zero: write the vector of gravity")
+        return np.asarray(-value / length)
+    rotation = nearest_rotation(value.reshape(3, 3)) if poses.attitude == "matrix" else from_quaternion(*value)
+    return rotation[:, 2] if poses.takes == "level_to_sensor" else rotation[2]
 
 
 def of_accelerometer(
@@ -144,16 +136,13 @@ def of_accelerometer(
 ) -> tuple[np.ndarray, Accelerometer, tuple[str, ...]]:
     """Return the specific force [m/s²] of static readings, the accelerometer's calibration, and warnings."""
     calibration = calibrate(readings, gravity, method=poses.accelerometer)
-    warnings = []
-    if not calibration.fitted and poses.accelerometer is None:
-        warnings.append(
-            "the poses are too few or too much alike to find the accelerometer's offset, which was taken for zero"
-        )
+    unknown = "the poses are too few or too much alike to find the accelerometer's offset, which was taken for zero"
+    warnings = (unknown,) if not calibration.fitted and poses.accelerometer is None else ()
     if not 0.9 < calibration.gain < 1.1:
         raise RunError(
             f"the accelerometer reads {calibration.gain:.4g} times gravity: correct recording.acceleration_unit"
         )
-    return calibration.specific_force(readings, gravity), calibration, tuple(warnings)
+    return calibration.specific_force(readings, gravity), calibration, warnings
 
 
 def need_table(poses: Poses | None, path: str | Path) -> Poses:

@@ -215,10 +215,11 @@ def read(provenance: Mapping[str, Any]) -> Report:
         same = [other for other in unmatched if instrument.is_same(other)]
         stated.append(replace(instrument, texts={**(same[0].texts if same else {}), **instrument.texts}))
         unmatched = [other for other in unmatched if other not in same]
-    performed = report.performed or ((days[0], days[-1]) if len(days) > 1 else tuple(days))
+    performed = report.performed or tuple(dict.fromkeys([*days[:1], *days[-1:]]))
     recorded = bool(days) and not report.performed
-    changes = {"performed": performed, "performed_recorded": recorded, "instruments": (*stated, *unmatched)}
-    return msgspec.structs.replace(report, **changes)
+    return msgspec.structs.replace(
+        report, performed=performed, performed_recorded=recorded, instruments=(*stated, *unmatched)
+    )
 
 
 def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:
@@ -256,9 +257,9 @@ def _of_serial_numbers(report: Report, recorded: list[Instrument]) -> Iterator[s
 
 
 def _of_dates(report: Report, measured: Sequence[date]) -> list[str]:
-    warnings, days = [], sorted({*report.performed, *measured})
-    if report.performed and measured and not _within(measured, report.performed):
-        warnings.append(f"a run was recorded on {_outside(measured, report.performed)}, outside report.performed")
+    warnings, days, performed = [], sorted({*report.performed, *measured}), report.performed
+    if outside := [day for day in measured if performed and not performed[0] <= day <= performed[-1]]:
+        warnings.append(f"a run was recorded on {outside[0]}, outside report.performed")
     if days and report.received and report.received > days[0]:
         warnings.append(f"the item was received on {report.received}, after the measurement of {days[0]}")
     if days and report.issued and report.issued < days[-1]:
@@ -276,14 +277,6 @@ def _of_calibration(instrument: Instrument, days: list[date]) -> Iterator[str]:
         yield f"{name} was calibrated on {calibrated}, after the measurement of {days[0]}"
     if calibrated and due and due < calibrated:
         yield f"calibration of {name} is due on {due}, before it was calibrated on {calibrated}"
-
-
-def _within(days: Sequence[date], period: Sequence[date]) -> bool:
-    return min(period) <= min(days) and max(days) <= max(period)
-
-
-def _outside(days: Sequence[date], period: Sequence[date]) -> date:
-    return next(day for day in days if not min(period) <= day <= max(period))
 
 
 def _claims(where: str, content: object) -> Iterator[str]:

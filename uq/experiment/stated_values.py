@@ -1,5 +1,6 @@
 """Tables of an experiment file that state a quantity with its standard uncertainty: [scale], [datum], [fixture]."""
 
+from collections.abc import Mapping
 from typing import Annotated, get_args
 
 import numpy as np
@@ -13,19 +14,9 @@ from uq.files.schema import Axes, Component, in_unit
 Metre = Annotated[float, in_unit("m")]
 Moment = Annotated[float, in_unit("kg*m^2", above=0)]
 Product = Annotated[float, in_unit("kg*m^2")]
-SigmaOfInertia = Annotated[float, in_unit("kg*m^2", least=0)]
 
 
-class TensorTable(TomlTable, frozen=True, kw_only=True):
-    """A figure for each component of a tensor."""
-
-    @property
-    def packed(self) -> np.ndarray:
-        """Return the array of I11, I12, I13, I22, I23, I33 [kg·m²]."""
-        return np.array([getattr(self, name) for name in get_args(Component)])
-
-
-class InertiaTable(TensorTable, frozen=True, kw_only=True):
+class InertiaTable(TomlTable, frozen=True, kw_only=True):
     """A tensor about the centre of gravity, by its entries."""
 
     I11: Moment
@@ -48,16 +39,10 @@ class InertiaTable(TensorTable, frozen=True, kw_only=True):
                 "its moments must be positive and obey the triangle inequality",
             )
 
-
-class InertiaUncertaintyTable(TensorTable, frozen=True, kw_only=True):
-    """Standard uncertainties of a tensor's entries; zero where not stated."""
-
-    I11: SigmaOfInertia = 0.0
-    I12: SigmaOfInertia = 0.0
-    I13: SigmaOfInertia = 0.0
-    I22: SigmaOfInertia = 0.0
-    I23: SigmaOfInertia = 0.0
-    I33: SigmaOfInertia = 0.0
+    @property
+    def packed(self) -> np.ndarray:
+        """Return the array of I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        return np.array([getattr(self, name) for name in get_args(Component)])
 
 
 class ScaleTable(TomlTable, frozen=True, kw_only=True):
@@ -105,12 +90,13 @@ class FixtureTable(TomlTable, frozen=True, kw_only=True):
     """Standard uncertainty of the fixture's mass."""
     sigma_r_cg: Axes[Annotated[float, in_unit("m", least=0)]] = (0.0, 0.0, 0.0)
     """Standard uncertainty of the fixture's centre of gravity on each axis."""
-    sigma_inertia: InertiaUncertaintyTable = InertiaUncertaintyTable()
-    """Standard uncertainties of the fixture's tensor."""
+    sigma_inertia: Mapping[Component, Annotated[float, in_unit("kg*m^2", least=0)]] = {}
+    """Standard uncertainties of the fixture's tensor; zero where not stated."""
 
     @property
     def value(self) -> InertialParameters:
         """The fixture's ten parameters with their covariance; a tensor of NaN: not stated."""
         tensor = np.full(6, np.nan) if self.inertia is None else self.inertia.packed
-        spread = np.concatenate([[self.sigma_mass], self.sigma_r_cg, self.sigma_inertia.packed])
+        sigma_inertia = [self.sigma_inertia.get(name, 0.0) for name in get_args(Component)]
+        spread = np.array([self.sigma_mass, *self.sigma_r_cg, *sigma_inertia])
         return InertialParameters(self.mass, np.array(self.r_cg_from_q), tensor, np.diag(spread**2))

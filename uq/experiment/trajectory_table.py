@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -60,11 +60,11 @@ class RotationTable(TrajectoryTable, frozen=True, kw_only=True):
 
     def spec(self, name: str, folder: Path) -> TrajectorySpec:
         """Return the trajectory of this name."""
-        return TrajectorySpec(self.trajectory, self.duration, self.rate, self.still)
+        figures = self.angular_velocity, self.angular_acceleration, self.duration, self.ramp
+        return TrajectorySpec(self.trajectory(*map(np.array, figures)), self.duration, self.rate, self.still)
 
-    @property
-    def trajectory(self) -> Trajectory:
-        """Trajectory in closed form, from the keys."""
+    def trajectory(self, *figures: Any) -> Trajectory:
+        """Return the trajectory in closed form of these sizes of angular velocity and acceleration, duration, ramp."""
         raise NotImplementedError
 
 
@@ -76,12 +76,10 @@ class SphereTable(RotationTable, frozen=True, kw_only=True, tag="sphere"):
     pole: Literal["b1", "b2", "b3"] = "b2"
     """The body's axis about which the motion precesses."""
 
-    @property
-    def trajectory(self) -> Trajectory:
-        """Trajectory in closed form, from the keys."""
-        sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
-        times = np.array(self.duration), np.array(self.ramp)
-        return Sphere(*sizes, *times, np.array(float(self.precessions)), ("b1", "b2", "b3").index(self.pole))
+    def trajectory(self, *figures: Any) -> Trajectory:
+        """Return the trajectory in closed form, from figures and keys."""
+        turns: Any = np.array(float(self.precessions)), ("b1", "b2", "b3").index(self.pole)
+        return Sphere(*figures, *turns)
 
 
 class HarmonicTable(RotationTable, frozen=True, kw_only=True, tag="harmonic"):
@@ -89,11 +87,9 @@ class HarmonicTable(RotationTable, frozen=True, kw_only=True, tag="harmonic"):
 
     SEGMENTS: ClassVar[int] = 3
 
-    @property
-    def trajectory(self) -> Trajectory:
-        """Trajectory in closed form, from the keys."""
-        sizes = np.array(self.angular_velocity), np.array(self.angular_acceleration)
-        return Harmonic(*sizes, np.array(self.duration), np.array(self.ramp))
+    def trajectory(self, *figures: Any) -> Trajectory:
+        """Return the trajectory in closed form, from figures."""
+        return Harmonic(*figures)
 
 
 class MultisineTable(TrajectoryTable, frozen=True, kw_only=True, tag="multisine"):

@@ -146,7 +146,7 @@ def _limits(
     model: Any, declared: DeclaredArm, numbers: list[int], slides: tuple[bool, ...]
 ) -> Iterator[tuple[tuple[float, float], tuple[float, float, float]]]:
     """Range of each joint, and its largest speed, acceleration and effort."""
-    tables = {table.name: table for table in declared.joints}
+    tables = {table.name: table for table in declared.joint}
     names = [model.names[number] for number in numbers]
     if unknown := [name for name in tables if name is not None and name not in names]:
         raise ExperimentError(f"platform.joint: unknown joint {quoted(unknown[0])}: the joints are {listed(names)}")
