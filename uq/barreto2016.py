@@ -8,9 +8,11 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.reporting import Result
-from identify.rigid_body.inertia import MOMENTS, PRODUCTS
-from uq.campaign.campaign import GRAM_METRE, MonteCarloResult, Statistics, montecarlo
+from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
+from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.statistics import Statistics
 from uq.experiment.experiment import Experiment
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")

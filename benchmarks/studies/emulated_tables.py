@@ -199,7 +199,7 @@ def emulated_tables(
     tell = progress_of(progress, "repeats")
     for name in trajectories:
         rig = _prepared(experiment, name, estimator, imperfections, runs)
-        report = None if tell is None else lambda done, _, name=name: tell(name, done // runs, repeats)
+        report = lambda done, _, name=name: tell(name, done // runs, repeats)  # noqa: E731
         inertia = all_trials(_emulated_runs, rig, repeats * runs, seed, segment=runs, progress=report)
         errors[name] = inertia.reshape(repeats, runs, 6) - np.asarray(experiment.body.inertia)
     record = provenance(**experiment.inputs(), repeats=repeats, runs=runs, seed=seed, estimator=estimator)

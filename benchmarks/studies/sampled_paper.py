@@ -15,7 +15,9 @@ from benchmarks.scaling import lasting
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import with_uncertainty
 from uq.campaign.averages import average
-from uq.campaign.campaign import MonteCarloResult, RunOptions, SamplingPlan, montecarlo
+from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign_result import MonteCarloResult
 from uq.experiment.experiment import Experiment
 
 BY_SAMPLES = SamplingPlan(engine="samples", dtype="float32")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uq.campaign.campaign import MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult
 from uq.sources.quasi_random import of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 

@@ -12,14 +12,12 @@ Content = TypeVar("Content", bound=Shown)
 class ByTrajectory(Generic[Content]):
     """Base of the results of campaigns, laws and budgets, which hold one entry for each trajectory and estimator."""
 
-    @property
-    def by_trajectory(self) -> Mapping[str, Mapping[str, Content]]:
-        """Entries by trajectory, then by estimator."""
-        raise NotImplementedError
+    breakdowns: Mapping[str, Mapping[str, Content]]
+    """Entries by trajectory, then by estimator."""
 
     def __getitem__(self, key: tuple[str, str] | str) -> Content:
         trajectory, estimator = self.checked(key)
-        return self.by_trajectory[trajectory][estimator]
+        return self.breakdowns[trajectory][estimator]
 
     def checked(self, key: tuple[str, str] | str) -> tuple[str, str]:
         """Return a key under which there is something.
@@ -34,7 +32,7 @@ class ByTrajectory(Generic[Content]):
 
     def pairs(self) -> list[tuple[str, str]]:
         """Return every trajectory with every estimator."""
-        return [(trajectory, estimator) for trajectory, names in self.by_trajectory.items() for estimator in names]
+        return [(trajectory, estimator) for trajectory, names in self.breakdowns.items() for estimator in names]
 
     def records(self) -> list[dict[str, Any]]:
         """Return the records of every trajectory and estimator, in g·m², which these two name."""

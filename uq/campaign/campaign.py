@@ -16,29 +16,18 @@ from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
-from uq.campaign.statistics import GRAM_METRE, Breakdown, Statistics, breakdown
-from uq.campaign.trial_setup import prepare_engine, true_motions
+from uq.campaign.statistics import Breakdown, Statistics, breakdown
+from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, prepare_engine, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
-from uq.experiment.experiment import Experiment, ExperimentError
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import code_digest, provenance
 from uq.trials.checkpoint import Checkpoint
 from uq.trials.chooser import Choice
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engine import TrialEstimates, run_trials
-from uq.trials.progress_bar import Progress, progress_of
+from uq.trials.progress_bar import progress_of
 from uq.trials.trial_loop import TrialLoop, default_devices, trials_in
-
-__all__ = [
-    "GRAM_METRE",
-    "Breakdown",
-    "MonteCarloResult",
-    "Progress",
-    "RunOptions",
-    "SamplingPlan",
-    "Statistics",
-    "montecarlo",
-]
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
@@ -88,10 +77,9 @@ def montecarlo(
     plan.check(trials)
     warned = check_precision(plan.dtype)
     plan = replace(plan, dtype="float32") if warned else plan
-    chosen = chosen_estimators(experiment, estimators)
-    names = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
     asked = _Asked(
-        experiment=experiment, estimators=chosen, trajectories=names, trials=trials, seed=seed, plan=plan,
+        experiment=experiment, estimators=chosen_estimators(experiment, estimators),
+        trajectories=chosen_trajectories(experiment, trajectories), trials=trials, seed=seed, plan=plan,
         options=options,
     )  # fmt: skip
     store = options.checkpoint
@@ -109,35 +97,13 @@ def montecarlo(
     meet()
     errors = {name: run.errors(0, trials, asked.truth) for name, run in runs.items()}
     computed = {name: run.choice.computed for name, run in runs.items() if run.choice.computed}
-    record = provenance(
-        **experiment.inputs(),
-        trials=trials,
-        seed=seed,
-        **asked.settings,
-        **({"computed": computed} if computed else {}),
-    )
+    about = asked.settings | ({"computed": computed} if computed else {})
+    record = provenance(**experiment.inputs(), trials=trials, seed=seed, **about)
     notes = [*warned, *_limits(stability, trials), *left_out_note(experiment.left_out)]
     return MonteCarloResult(
         trials=trials, seed=seed, nominal=asked.truth, breakdowns=breakdowns, warnings=tuple(notes), provenance=record,
         errors=errors, stability=stability, points=plan.points,
     )  # fmt: skip
-
-
-def chosen_estimators(experiment: Experiment, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
-    """Return the estimators of these names, None for all.
-
-    Raises:
-        ExperimentError: there is none of a name, or none at all.
-    """
-    chosen = [experiment.estimator(name) for name in distinct(names)] or list(experiment.estimators)
-    if not chosen:
-        raise ExperimentError("no [[estimator]] in the experiment: add one")
-    return chosen
-
-
-def distinct(given: str | Sequence[str] | None) -> list[str]:
-    """Return names without repeats."""
-    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
 
 
 def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) -> Checkpoint:
@@ -156,7 +122,7 @@ class _Asked:
 
     experiment: Experiment
     estimators: Sequence[EstimatorSpec]
-    trajectories: Sequence[str]
+    trajectories: Mapping[str, TrajectorySpec]
     trials: int
     seed: int
     plan: SamplingPlan
@@ -196,8 +162,7 @@ class _TrajectoryRun:
 def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRun]:
     """Prepare every trajectory and begin where a checkpoint ends; what is already running goes on beside."""
     devices = list(asked.options.devices or default_devices())
-    specs = dict(map(asked.experiment.select, asked.trajectories))
-    motions = true_motions(asked.experiment, specs, devices)
+    motions = true_motions(asked.experiment, asked.trajectories, devices)
     if store is not None or process_count() > 1:
         identity = _identity(asked, devices)
         agree("campaigns", [identity, asked.trials, list(asked.trajectories)])
@@ -205,7 +170,7 @@ def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRu
             in_turn(lambda: store.open(identity))
     runs = {}
     quasi = (asked.trials, asked.seed) if asked.plan.points == "quasi-random" else None
-    for name, spec in specs.items():
+    for name, spec in asked.trajectories.items():
         motion = motions.pop(name)
         with jax.default_device(next(iter(motion.t.devices()))):
             choice = prepare_engine(
@@ -232,7 +197,7 @@ def _run_all(asked: _Asked, runs: Mapping[str, _TrajectoryRun]) -> dict[str, dic
     for name, run in runs.items():
         early = shown and run.loop.segment <= EARLY < asked.trials
         for trials in (EARLY, asked.trials) if early else (asked.trials,):
-            run.loop.reach(trials, _named(progress, name), asked=asked.trials)
+            run.loop.reach(trials, partial(progress, name), asked=asked.trials)
             breakdowns[name] = asked.breakdowns(run, trials)
             if shown:
                 shown(name, trials, breakdowns[name])
@@ -249,8 +214,8 @@ def _until_stable(
     needed = most = asked.trials
     for trials in range(block, most + 1, block):
         for place, (name, run) in enumerate(runs.items()):
-            others = place * trials + (len(runs) - 1 - place) * (trials - block)
-            run.loop.reach(trials, _overall(progress, others, len(runs) * needed))
+            others = place * trials + (len(runs) - 1 - place) * (trials - block)  # those of all trajectories together
+            run.loop.reach(trials, lambda done, _: progress("adaptive", others + done, len(runs) * needed))  # noqa: B023
             error = run.errors(trials - block, trials, asked.truth)[:, :, 0]
             for k in range(len(asked.estimators)):
                 blocks[name, k].add(error[:, k])
@@ -284,12 +249,3 @@ def _identity(asked: _Asked, devices: Sequence[jax.Device]) -> dict[str, Any]:
         "jax": jax.__version__,
         "code": code_digest(),
     }
-
-
-def _named(progress: Progress | None, name: str) -> Callable[[int, int], None] | None:
-    return None if progress is None else lambda done, asked: progress(name, done, asked)
-
-
-def _overall(progress: Progress | None, before: int, asked: int) -> Callable[[int, int], None] | None:
-    """Progress of an adaptive campaign: trials of all trajectories together, against those that seem to be needed."""
-    return None if progress is None else lambda done, _: progress("adaptive", before + done, asked)

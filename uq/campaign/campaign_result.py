@@ -43,11 +43,6 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     points: Points = "random"
     """Kind of points that the trials were drawn from: random or quasi-random."""
 
-    @property
-    def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[Statistics]]]:
-        """Breakdown of each case, by trajectory, then by estimator."""
-        return self.breakdowns
-
     def total_errors(self, trajectory: str, estimator: str) -> np.ndarray:
         """Return estimate minus truth of every trial with all sources together, (trials, 6) [kg·m²]."""
         self.checked((trajectory, estimator))

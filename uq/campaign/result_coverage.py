@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from uq.campaign.statistics import GRAM_METRE, by_component
+from identify.rigid_body.inertia import GRAM_METRE
+from uq.campaign.statistics import by_component
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region

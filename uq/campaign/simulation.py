@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -54,27 +55,11 @@ class SimulatedRun:
             "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": "in B, at Q"}),
             "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),
         }
-        write(
-            path,
-            wrench=WrenchChannel(
-                topic="/wrench",
-                frame_id="body",
-                log_time=stamp,
-                stamp=stamp,
-                force=self.run.force,
-                moment=self.run.moment,
-            ),
-            imu=ImuChannel(
-                topic="/imu",
-                frame_id="body",
-                log_time=stamp,
-                stamp=stamp,
-                angular_velocity=self.run.omega,
-                linear_acceleration=self.specific_force,
-            ),
-            metadata={"rig.run": about},
-            overwrite=overwrite,
-        )
+        at: dict[str, Any] = {"frame_id": "body", "log_time": stamp, "stamp": stamp}
+        wrench = WrenchChannel(topic="/wrench", force=self.run.force, moment=self.run.moment, **at)
+        omega, acceleration = self.run.omega, self.specific_force
+        imu = ImuChannel(topic="/imu", angular_velocity=omega, linear_acceleration=acceleration, **at)
+        write(path, wrench=wrench, imu=imu, metadata={"rig.run": about}, overwrite=overwrite)
 
 
 @explains_names
@@ -98,19 +83,13 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     setup = prepare_samples(
         motion, body, platform, experiment.sources, (), trajectory=spec.trajectory, mixing=experiment.mixing
     )
-    record, specific_force, rotation = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
-    run = Run(
-        np.asarray(motion.t),
-        np.asarray(record.force.T),
-        np.asarray(record.moment.T),
-        np.asarray(record.omega.T),
-        name=f"simulated {name}",
-        warnings=tuple(warnings),
-    )
+    recorded = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
+    record, specific_force, rotation = jax.tree.map(np.asarray, recorded)
+    force, moment, omega = (signal.T for signal in record)
+    run = Run(np.asarray(motion.t), force, moment, omega, name=f"simulated {name}", warnings=tuple(warnings))
     return SimulatedRun(
-        run=run, specific_force=np.asarray(specific_force), rotation=np.asarray(rotation), trajectory=name, seed=seed,
-        trial=trial,
-    )  # fmt: skip
+        run=run, specific_force=specific_force, rotation=rotation, trajectory=name, seed=seed, trial=trial
+    )
 
 
 @jax.jit

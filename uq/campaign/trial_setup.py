@@ -22,6 +22,33 @@ it."""
 _sampled = jax.jit(sample, compiler_options=COMPILER)
 
 
+def distinct(given: str | Sequence[str] | None) -> list[str]:
+    """Return names without repeats."""
+    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
+
+
+def chosen_estimators(experiment: Experiment, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
+    """Return the estimators of these names, None for all.
+
+    Raises:
+        ExperimentError: there is none of a name, or none at all.
+    """
+    chosen = [experiment.estimator(name) for name in distinct(names)] or list(experiment.estimators)
+    if not chosen:
+        raise ExperimentError("no [[estimator]] in the experiment: add one")
+    return chosen
+
+
+def chosen_trajectories(experiment: Experiment, names: str | Sequence[str] | None) -> dict[str, TrajectorySpec]:
+    """Return the trajectories of these names, None for all.
+
+    Raises:
+        ExperimentError: there is none of a name, or none at all.
+    """
+    wanted: list[str | None] = [*distinct(names)] or [*experiment.trajectories] or [None]
+    return dict(map(experiment.select, wanted))
+
+
 def prepare_engine(
     experiment: Experiment,
     spec: TrajectorySpec,

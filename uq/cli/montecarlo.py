@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from uq.campaign.campaign import MOST_TRIALS, TRIALS, MonteCarloResult, checkpoint_of, montecarlo
+from uq.campaign.campaign import MOST_TRIALS, TRIALS, checkpoint_of, montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.units import UnitError, quantity

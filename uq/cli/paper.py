@@ -4,8 +4,9 @@ import argparse
 from collections.abc import Mapping
 
 from uq.barreto2016 import paper
-from uq.campaign.campaign import Breakdown, Statistics, checkpoint_of
+from uq.campaign.campaign import checkpoint_of
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
 from uq.terminal.common import (
     ERRORS,

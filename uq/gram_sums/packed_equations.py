@@ -80,9 +80,9 @@ def equations_of_products(
     return packed_equations(products[:, algebra.gram[estimator]], moment, NO_NOISE).T
 
 
-def about_cg(r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 6"]:
+def about_cg(r_cg: Float[ArrayT, "3"]) -> Float[ArrayT, "3 6"]:
     """Return the matrix that gives ``M - r × F`` from force and moment."""
-    return np.hstack([-cross_matrix(r_cg), np.eye(3)])
+    return library_of(r_cg).concat([-cross_matrix(r_cg), np.eye(3)], axis=1)
 
 
 def cell_scatter(

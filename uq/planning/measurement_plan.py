@@ -69,7 +69,7 @@ def plan_measurement(
     Raises:
         ExperimentError: a target that is not above zero, an unknown name, sources that the law cannot take.
     """
-    tell = progress_of(progress, "steps") or (lambda *_: None)
+    tell = progress_of(progress, "steps")
     name, _ = experiment.select(trajectory)
     chosen = experiment.estimator(estimator).name
     tell("law", 0, 1)

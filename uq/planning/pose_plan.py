@@ -1,6 +1,6 @@
 """Static poses for a platform, designed for mass and centre of gravity: a list that ``inertia centre`` reads."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,6 @@ from identify.rigid_body.rotation import exponential
 from identify.static.centre import predicted_covariance
 from identify.static.centre_result import PARAMETERS, UNITS
 from identify.static.pose_design import best_poses, log_determinant
-from identify.static.pose_fit import Attitudes
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.pose_table import Poses, uncertain
 from uq.planning.platform_run import effort_at_rest, peaks_at_home
@@ -160,26 +159,19 @@ def plan_poses(
     force = experiment.gravity * np.asarray(place.rotation)[:, 2]
     mass, centre = float(experiment.body.mass), np.asarray(experiment.stated_r_cg)
 
-    def attitudes(chosen: np.ndarray) -> Attitudes:
-        return uncertain(force[chosen], experiment.poses or Poses(), None, np.eye(3))
-
-    def cost(chosen: np.ndarray) -> float:
-        return log_determinant(force[chosen], mass, centre, scatter, attitudes(chosen))
-
-    def promised(chosen: np.ndarray) -> np.ndarray:
-        return predicted_covariance(force[chosen], mass, centre, scatter, attitudes(chosen))
+    def predicted(figure: Callable[..., Any], force: np.ndarray) -> Any:
+        return figure(force, mass, centre, scatter, uncertain(force, experiment.poses or Poses(), None, np.eye(3)))
 
     try:
+        cost = lambda chosen: predicted(log_determinant, force[chosen])  # noqa: E731
         chosen = best_poses(len(force), count, cost, starts=starts, seed=seed)
     except ValueError as error:
         raise ExperimentError(f"{error}: the platform leans by {np.degrees(reach.max()):.2g}° at most") from None
-    naive = _naive(experiment, reach, count)
-    uncertainty = uncertain(naive, experiment.poses or Poses(), None, np.eye(3))
     return PosePlan(
         position=np.asarray(place.position)[chosen] - np.asarray(experiment.platform.home),
         rotation=np.asarray(place.rotation)[chosen], length=np.asarray(leg_lengths(experiment.platform, place))[chosen],
-        covariance=promised(chosen), naive=predicted_covariance(naive, mass, centre, scatter, uncertainty), reach=reach,
-        hold=hold, provenance=experiment.inputs(),
+        covariance=predicted(predicted_covariance, force[chosen]), reach=reach, hold=hold,
+        naive=predicted(predicted_covariance, _naive(experiment, reach, count)), provenance=experiment.inputs(),
     )  # fmt: skip
 
 
@@ -201,20 +193,18 @@ def candidates(experiment: Experiment, limits: Limits) -> tuple[Pose, np.ndarray
         raise ExperimentError(f"the platform cannot stand at home with the body: {worst}")
     unbroken = np.logical_and.accumulate(allowed, axis=1)
     furthest = np.where(unbroken, tilts[None, :, None], -1.0).max(axis=1)
-    pivot = furthest.argmax(axis=1)
-    reach = furthest.max(axis=1)
-    tilted = [(azimuth, values * most, PIVOTS[k]) for azimuth, most, k in zip(azimuths, reach, pivot, strict=True)
-            for values in (1.0, 0.5)]  # fmt: skip
-    poses_to_try = np.array([(0.0, 0.0, 0.0), *(pose for pose in tilted if pose[1] > 0)])
+    reach, pivot = furthest.max(axis=1), PIVOTS[furthest.argmax(axis=1)]
+    leaning = [(at, part * tilt, height) for at, tilt, height in zip(azimuths, reach, pivot, strict=True)
+               for part in (1.0, 0.5) if tilt > 0]  # fmt: skip
+    poses_to_try = np.array([(0.0, 0.0, 0.0), *leaning])
     return _leaning(experiment.platform, *map(jnp.asarray, poses_to_try.T)), reach
 
 
 def _naive(experiment: Experiment, reach: np.ndarray, count: int) -> np.ndarray:
     """Specific force of poses along ±x and ±y and level, over and over."""
-    quarter = AZIMUTHS // 4
-    tilt = reach[::quarter].min()
-    lean = [np.zeros(3), *(np.sin(tilt) * np.array(way) for way in ((1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)))]
-    upward = np.array([[-x, -y, np.sqrt(1 - x * x - y * y)] for x, y, _ in lean])
+    tilt = reach[:: AZIMUTHS // 4].min()
+    across = -np.sin(tilt) * np.array([(0, 0), (1, 0), (0, 1), (-1, 0), (0, -1)])
+    upward = np.column_stack([across, np.sqrt(1 - np.sum(across**2, axis=1))])
     return experiment.gravity * np.resize(upward, (count, 3))
 
 

@@ -9,6 +9,7 @@ checked, and mended, by the law at the answer itself.
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -138,32 +139,25 @@ def required_duration(
     name, spec = experiment.select(trajectory)
     growth = growth or growth_of(experiment, name, estimator)
     now = average(growth.at(spec.duration).sum(axis=0), goal)
+    answer = partial(
+        Duration, target=target, goal=goal, forbids=None, current_duration=spec.duration, now=now, growth=growth
+    )
     seconds = _solve(growth, target, goal, spec)
     if seconds is None:
         least, source = _floor(growth, goal, spec)
-        return Duration(
-            target=target, goal=goal, seconds=None, reached=least, forbids=source, current_duration=spec.duration,
-            now=now, growth=growth,
-        )  # fmt: skip
+        return answer(seconds=None, reached=least, forbids=source)
     for _ in range(ROUNDS):
+        model = average(growth.at(seconds).sum(axis=0), goal)
         if seconds * spec.rate > MOST_SAMPLES:
-            reached = average(growth.at(seconds).sum(axis=0), goal)
-            return Duration(
-                target=target, goal=goal, seconds=seconds, reached=reached, forbids=None,
-                current_duration=spec.duration, now=now, growth=growth, checked=False,
-            )  # fmt: skip
+            return answer(seconds=seconds, reached=model, checked=False)
         reached = average(_variances(experiment, name, spec, seconds, estimator).sum(axis=0), goal)
         if abs(reached / target - 1) < CLOSE:
             break
-        model = average(growth.at(seconds).sum(axis=0), goal)
         again = _solve(growth, target * model / reached, goal, spec)
         if again is None or abs(again / seconds - 1) < 1e-3:
             break
         seconds = again
-    return Duration(
-        target=target, goal=goal, seconds=seconds, reached=reached, forbids=None, current_duration=spec.duration,
-        now=now, growth=growth,
-    )  # fmt: skip
+    return answer(seconds=seconds, reached=reached)
 
 
 def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> Growth:

@@ -4,7 +4,7 @@ The derivative is that of ``ln 3σ`` by ``ln sigma``: 0.8 says that one per cent
 cent less of the 3σ. Where sources add in squares, the derivatives of all of them add up to one.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,12 +14,12 @@ from jaxtyping import Float
 from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import by_component
 from identify.rounding import significant
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.cases import cases_of
 from uq.planning.required_duration import average
-from uq.propagation.experiment_law import PreparedLaw, prepare_law
-from uq.sources.source import Source
+from uq.propagation.experiment_law import prepare_law
 
 BOTH = ("moments", "products")
 NEGLIGIBLE = 5e-4
@@ -61,12 +61,11 @@ class SensorWorth(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says: 3σ in g·m², by source and component."""
-        by = lambda values: dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))  # noqa: E731
         return {
             "trajectory": self.trajectory, "estimator": self.estimator, "unit": "g*m^2",
-            "three_sigma": by(GRAM_METRE * self.three_sigma),
+            "three_sigma": by_component(GRAM_METRE * self.three_sigma),
             "sources": {
-                name: {"derivative": by(d), "three_sigma_if_halved": by(GRAM_METRE * h)}
+                name: {"derivative": by_component(d), "three_sigma_if_halved": by_component(GRAM_METRE * h)}
                 for name, d, h in zip(self.sources, self.derivative, self.halved, strict=True)
             },
         }  # fmt: skip
@@ -97,16 +96,18 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
     chosen = experiment.estimator(estimator).name
     prepared = prepare_law(experiment, name, chosen)
 
-    def width(sources: Sequence[Source]) -> np.ndarray:
-        return _three_sigma(prepared, sources, name, chosen)
+    def width(factor: float, number: int | None = None) -> np.ndarray:
+        """3σ with the sigma of one source, or of none, times a factor."""
+        sources = [s.error_kind.resized(s, factor) if k == number else s for k, s in enumerate(experiment.sources)]
+        total, *_ = cases_of(sources)
+        return prepared.of_cases([total], sources)[name][chosen][0].three_sigma
 
-    names = tuple(source.name for source in experiment.sources)
-    derivative, halved = np.zeros((len(names), 6)), np.zeros((len(names), 6))
-    for k in range(len(names)):
-        more, less, half = (width(_with(experiment.sources, k, factor)) for factor in (1 + STEP, 1 - STEP, 0.5))
-        derivative[k] = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
-        halved[k] = half
-    now = width(experiment.sources)
+    names, now = tuple(source.name for source in experiment.sources), width(1.0)
+    more, less, halved = (
+        np.array([width(factor, number) for number in range(len(names))]).reshape(-1, 6)
+        for factor in (1 + STEP, 1 - STEP, 0.5)
+    )
+    derivative = np.log(more / less) / np.log((1 + STEP) / (1 - STEP))
     worth = SensorWorth(
         sources=names, trajectory=name, estimator=chosen, three_sigma=now, derivative=derivative, halved=halved,
         provenance=experiment.inputs(),
@@ -130,12 +131,3 @@ def _remarks(experiment: Experiment, worth: SensorWorth) -> Iterator[str]:
             yield f"{raised}: it is correlated with a source that it cancels in part"
         else:
             yield f"{raised}: it cancels others in part, or makes the estimate smaller"
-
-
-def _three_sigma(prepared: PreparedLaw, sources: Sequence[Source], trajectory: str, estimator: str) -> np.ndarray:
-    total, *_ = cases_of(sources)
-    return prepared.of_cases([total], sources)[trajectory][estimator][0].three_sigma
-
-
-def _with(sources: Sequence[Source], which: int, factor: float) -> tuple[Source, ...]:
-    return tuple(s.error_kind.resized(s, factor) if k == which else s for k, s in enumerate(sources))

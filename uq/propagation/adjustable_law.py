@@ -121,7 +121,7 @@ def _at(
     """First order, second order and mean of n sources, then variance and mean by the gyro's noise, at one level."""
     expansion, noise = run.expansion(expected, variance, constants.errors), run.scatter(variance)
     about = Expansion(*(leaf[:, None] for leaf in expansion))
-    covariance = _covariance(constants, inputs)[:n]
+    covariance = constants.covariance(inputs.acts)[:n]
     cell = run.cell_scatter(noise.mean[:, None], inputs.wrench[:n])
     scatter = noise.covariance[:, None]
     none = np.zeros_like(covariance[:1])
@@ -147,7 +147,7 @@ def _joint(
     expansion, noise = run.expansion(expected, gyro, constants.errors), run.scatter(gyro)
     about = Expansion(*(leaf[:, None] for leaf in expansion))
     cell = run.cell_scatter(noise.mean[:, None], inputs.wrench)
-    moments = propagate_case(about, _covariance(constants, inputs), cell)
+    moments = propagate_case(about, constants.covariance(inputs.acts), cell)
     first = _diagonal(moments.first_order)
     effects = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - about.value], axis=2)
     n = effects.shape[1] - len(both)
@@ -157,11 +157,6 @@ def _joint(
         if (abs(beyond[:, :2].sum(axis=1)) > NEGLIGIBLE * variance.max(axis=-1, keepdims=True)).any():
             joint.append((i, j, beyond))
     return joint
-
-
-def _covariance(constants: Constants, inputs: CaseInputs) -> np.ndarray:
-    drawn = inputs.acts * constants.sigma
-    return np.asarray(drawn[:, :, None] * constants.correlation * drawn[:, None, :])
 
 
 def _diagonal(matrices: np.ndarray) -> np.ndarray:

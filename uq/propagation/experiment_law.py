@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
-from uq.campaign.campaign import distinct
 from uq.campaign.statistics import Breakdown, large_mean_error
+from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
@@ -124,11 +124,8 @@ def _prepared(
     estimators: str | Sequence[str] | None,
     warnings: Sequence[str],
 ) -> PreparedLaw:
-    chosen = [experiment.estimator(name) for name in distinct(estimators)] or list(experiment.estimators)
-    if not chosen:
-        raise ExperimentError("no [[estimator]] in the experiment: add one")
-    names = distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]
-    runs = {name: prepared_run(experiment, experiment.select(name)[1], chosen) for name in names}
+    chosen, specs = chosen_estimators(experiment, estimators), chosen_trajectories(experiment, trajectories)
+    runs = {name: prepared_run(experiment, spec, chosen) for name, spec in specs.items()}
     return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, tuple(warnings))
 
 
@@ -143,8 +140,7 @@ def _of_run(run: PreparedRun, constants: Constants, cases: CaseInputs) -> tuple[
         for variances in (cases.gyro, np.zeros_like(cases.gyro))
     )
     noise = stacked([run.scatter(variance) for variance in cases.gyro], axis=1)
-    drawn = cases.acts * constants.sigma
-    covariance = drawn[:, :, None] * constants.correlation * drawn[:, None, :]
+    covariance = constants.covariance(cases.acts)
     moments = propagate_case(at, covariance, noise.covariance + run.cell_scatter(noise.mean, cases.wrench))
     linear = noise.linear + run.cell_scatter(noise.noise_free, cases.wrench)
     textbook = propagate_case(free, covariance, linear, noise.change)

@@ -4,7 +4,7 @@ Constant errors are numbers that are drawn once; the law needs their expectation
 enters :class:`uq.sources.constant_errors.Errors`, which is linear. Noise is white, with a variance on each axis.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +35,11 @@ class Constants(NamedTuple):
     joint: np.ndarray
     """Sets of numbers that share their degrees of freedom: one row a set, 1 where a number belongs to it."""
 
+    def covariance(self, acts: np.ndarray) -> np.ndarray:
+        """Return the covariance of the numbers in each case, where some act (:attr:`CaseInputs.acts`)."""
+        drawn = acts * self.sigma
+        return np.asarray(drawn[:, :, None] * self.correlation * drawn[:, None, :])
+
 
 class CaseInputs(NamedTuple):
     """Every case's inputs, the cases on the leading axis."""
@@ -50,26 +55,23 @@ class CaseInputs(NamedTuple):
 def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constants:
     """Return what constant sources draw; each has a finite standard deviation (:func:`check_law`)."""
     constant = [source for source in sources if source.constant]
-    sizes = [int(np.size(source.sigma)) for source in constant]
-    owner = np.repeat(np.arange(len(constant)), sizes).astype(int)
-    freedom = np.concatenate([_each(s, s.shape.degrees_of_freedom) for s in constant] or [np.zeros(0)])
-    gum_ratio = [_each(s, 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0) for s in constant]
-    in_rows = np.array([_rows(constant[k]) for k in owner], bool)
-    sets = [np.flatnonzero(owner == k) for k in np.unique(owner[in_rows])]
-    sets += [np.array([k]) for k in np.flatnonzero(~in_rows)]
-    joint = np.array([np.isin(np.arange(len(owner)), members) for members in sets], float)
+    sizes = np.array([np.size(source.sigma) for source in constant], int)
+
+    def of_numbers(figure: Callable[[Source], Any]) -> np.ndarray:
+        """A figure of each number, from its source."""
+        values = [np.broadcast_to(np.asarray(figure(s), float), np.shape(s.sigma)).ravel() for s in constant]
+        return np.concatenate([np.zeros(0), *values])
+
+    gum_ratio = lambda s: 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0  # noqa: E731
+    owner = np.repeat(np.arange(len(constant)), sizes)
+    sets = np.where(of_numbers(_rows) > 0, owner, len(constant) + np.arange(len(owner)))
     return Constants(
-        errors=_linear_map(constant),
-        owner=np.array([source.name for source in constant])[owner] if constant else np.zeros(0, str),
-        mean=np.concatenate([_each(s, s.mean) for s in constant] or [np.zeros(0)]),
-        sigma=np.concatenate([_each(s, s.standard_deviation) for s in constant] or [np.zeros(0)]),
-        correlation=_correlation(constant, sizes, mixing), gum_ratio=np.concatenate(gum_ratio or [np.zeros(0)]),
-        freedom=freedom, joint=joint.reshape(len(sets), len(owner)),
+        errors=_linear_map(constant), owner=np.repeat(np.array([s.name for s in constant], str), sizes),
+        mean=of_numbers(lambda s: s.mean), sigma=of_numbers(lambda s: s.standard_deviation),
+        correlation=_correlation(constant, sizes, mixing), gum_ratio=of_numbers(gum_ratio),
+        freedom=of_numbers(lambda s: s.shape.degrees_of_freedom),
+        joint=(np.unique(sets)[:, None] == sets).astype(float),
     )  # fmt: skip
-
-
-def _each(source: Source, value) -> np.ndarray:
-    return np.broadcast_to(np.asarray(value, float), np.shape(source.sigma)).ravel()
 
 
 def _rows(source: Source) -> bool:
@@ -88,7 +90,7 @@ def _linear_map(constant: Sequence[Source]) -> np.ndarray:
     return matrix
 
 
-def _correlation(constant: Sequence[Source], sizes: Sequence[int], mixing: Sequence[Mixing]) -> np.ndarray:
+def _correlation(constant: Sequence[Source], sizes: np.ndarray, mixing: Sequence[Mixing]) -> np.ndarray:
     matrix, ends = np.eye(sum(sizes)), np.cumsum(sizes)
     place = {s.name: np.arange(end - n, end) for s, n, end in zip(constant, sizes, ends, strict=True)}
     for source in constant:

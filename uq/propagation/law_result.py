@@ -93,11 +93,6 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     adjustable: Callable[[], Mapping[str, Any]] | None = field(default=None, repr=False, compare=False)
     """Makes the numbers from which a page redraws the law for other figures; None: it cannot."""
 
-    @property
-    def by_trajectory(self) -> Mapping[str, Mapping[str, Breakdown[LawStatistics]]]:
-        """Breakdown of each case, by trajectory, then by estimator."""
-        return self.breakdowns
-
     @cached_property
     def provenance(self) -> Mapping[str, Any]:
         """Provenance of the result: inputs, versions, machine, time."""

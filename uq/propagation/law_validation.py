@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from identify.reporting import Result
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
-from uq.campaign.campaign import GRAM_METRE, MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetric_interval, validate
 from uq.propagation.law_result import LawResult, LawStatistics
 

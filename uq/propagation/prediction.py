@@ -12,19 +12,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Motion, Trajectory, sample
+from identify.motion.trajectory import Motion, sample
 from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body, unpack
-from identify.rigid_body.regressor import cross_matrix, omega_r
+from identify.rigid_body.regressor import omega_r
 from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.gram_sums.case_equations import FeatureSums, noise_expectation
 from uq.gram_sums.cases import cases_of
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
-from uq.gram_sums.packed_equations import packed_equations
+from uq.gram_sums.packed_equations import about_cg, packed_equations
 from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_sums, tensor_of
 from uq.propagation.inputs import constants_of, inputs_of_cases
+from uq.propagation.run_sums import jerk_of
 from uq.sources.constant_errors import unravel
 
 
@@ -122,8 +123,8 @@ class Prediction(Pytree):
     @property
     def moment_noise(self) -> Float[Array, "3 3"]:
         """Covariance of the white noise of ``M - r × F`` at one sample [N²·m²]."""
-        about_cg = jnp.hstack([-cross_matrix(jnp.asarray(self.body.r_cg_from_q)), jnp.eye(3)])
-        return about_cg @ self.wrench @ about_cg.T
+        to_moment = about_cg(jnp.asarray(self.body.r_cg_from_q))
+        return to_moment @ self.wrench @ to_moment.T
 
     def _of_cell(self, rows: Float[Array, "n 3 6"], weights: Float[Array, " n"]) -> Float[Array, "6 6"]:
         """Sum over instants of ``Ωᵀ S Ω``, S the covariance of the noise of ``M - r × F``."""
@@ -185,18 +186,7 @@ def predicted(experiment: Experiment, spec: TrajectorySpec, rate: float, gain: f
     Raises:
         ExperimentError: a source that the law cannot take, or that moves nothing in its first order.
     """
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    t = jnp.arange(0.0, spec.duration, 1 / rate)
-    motion = sample(spec.trajectory, t, r_cg_from_still=still, gravity=np.array(experiment.gravity))
+    platform, t = platform_of(experiment, spec), jnp.arange(0.0, spec.duration, 1 / rate)
+    motion = sample(spec.trajectory, t, r_cg_from_still=platform.r_cg_from_still, gravity=platform.gravity)
     # an array: a plain number would be compiled in
-    return Prediction.of(experiment, spec).moments(motion, jerk_of(spec, motion), jnp.asarray(gain))
-
-
-def jerk_of(spec: TrajectorySpec, motion: Motion) -> Float[Array, "3 n"]:
-    """Return the derivative of alpha of a trajectory at a motion's instants, in B [rad/s³]."""
-    return _slopes(spec.trajectory, motion.t)
-
-
-@jax.jit
-def _slopes(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
-    return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
+    return Prediction.of(experiment, spec).moments(motion, jerk_of(spec.trajectory, t), jnp.asarray(gain))

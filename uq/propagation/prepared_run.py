@@ -19,7 +19,6 @@ from identify.rigid_body.inertia import Body
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
 from uq.gram_sums.case_equations import NO_NOISE
-from uq.gram_sums.cases import Estimator
 from uq.gram_sums.error_maps import Columns, Platform
 from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
 from uq.propagation.beyond_the_law import Peaks
@@ -156,13 +155,23 @@ def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
-    estimators = fitted_estimators(chosen, spec, len(samples(spec)))
+    count, platform = len(samples(spec)), platform_of(experiment, spec)
+    estimators = fitted_estimators(chosen, spec, count)
     columns, delayed = Columns.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
     parts = (
-        experiment.body, platform_of(experiment, spec), (spec.trajectory, spec.duration, spec.rate), estimators,
-        columns, delayed, jax.config.read("jax_enable_x64"),
+        experiment.body, platform, (spec.trajectory, spec.duration, spec.rate), estimators, columns, delayed,
+        jax.config.read("jax_enable_x64"),
     )  # fmt: skip
-    return RUNS.get(_digest(parts), lambda: _summed(experiment, spec, estimators, columns, delayed))
+
+    def summed() -> PreparedRun:
+        body = jax.tree.map(np.asarray, experiment.body)
+        sums = run_sums(
+            trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, columns=columns,
+            taps=[estimator.taps for estimator in estimators], delayed=delayed,
+        )  # fmt: skip
+        return PreparedRun(body, platform, columns, sums)
+
+    return RUNS.get(_digest(parts), summed)
 
 
 def _digest(parts: Any) -> bytes:
@@ -171,15 +180,3 @@ def _digest(parts: Any) -> bytes:
     for leaf in map(np.asarray, leaves):
         digest.update(f"{leaf.dtype} {leaf.shape}".encode() + leaf.tobytes())
     return digest.digest()
-
-
-def _summed(
-    experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[Estimator], columns: Columns, delayed: bool
-) -> PreparedRun:
-    count, taps = len(samples(spec)), [estimator.taps for estimator in estimators]
-    body, platform = jax.tree.map(np.asarray, experiment.body), platform_of(experiment, spec)
-    sums = run_sums(
-        trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, taps=taps,
-        columns=columns, delayed=delayed,
-    )  # fmt: skip
-    return PreparedRun(body, platform, columns, sums)

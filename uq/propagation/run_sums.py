@@ -114,8 +114,13 @@ def _moved(start, t, trajectory, platform, margin, delayed):
     motion = sample(trajectory, t, r_cg_from_still=still, gravity=gravity, start=start)
     if not delayed:
         return motion, jnp.zeros((0, *motion.omega.shape)), motion.rotation[PIECE]
-    jerk = jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
-    return motion, jnp.stack([-motion.alpha, jerk]), motion.rotation[PIECE]
+    return motion, jnp.stack([-motion.alpha, jerk_of(trajectory, t)]), motion.rotation[PIECE]
+
+
+@jax.jit
+def jerk_of(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"]:
+    """Return the derivative of alpha of a trajectory at some instants, in B [rad/s³]."""
+    return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
 
 
 def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Sequence[np.ndarray]) -> _PieceSums:

@@ -25,15 +25,10 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
     seed: int
     choices: int
     """Number of choices between the two draws for which each pair is solved."""
-    budgets: Mapping[str, Mapping[str, SourceBudget]]
+    breakdowns: Mapping[str, Mapping[str, SourceBudget]]
     """Budget of each case, by trajectory, then by estimator."""
     warnings: tuple[str, ...]
     provenance: Mapping[str, Any]
-
-    @property
-    def by_trajectory(self) -> Mapping[str, Mapping[str, SourceBudget]]:
-        """Budget of each case, by trajectory, then by estimator."""
-        return self.budgets
 
     def records(self) -> list[dict[str, Any]]:
         """Return every figure as a record with its unit; a value that does not exist is None."""

@@ -8,6 +8,7 @@ are its inputs.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -15,8 +16,8 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
-from uq.campaign.campaign import Statistics, chosen_estimators, distinct
-from uq.campaign.trial_setup import prepare_engine
+from uq.campaign.statistics import Statistics
+from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, prepare_engine
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
@@ -85,19 +86,17 @@ def budget(
     doubled = replace(experiment, sources=twins.doubled, mixing=twins.mixing)
     budgets: dict[str, dict[str, SourceBudget]] = {}
     tell = progress_of(progress, "pairs")
-    for name in distinct(trajectories) or list(experiment.trajectories) or [experiment.select()[0]]:
-        name, spec = experiment.select(name)
+    for name, spec in chosen_trajectories(experiment, trajectories).items():
         prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine, dtype=dtype).engine
-        report = None if tell is None else lambda done, asked, name=name: tell(f"{name} budget", done, asked)
         estimates = all_trials(
             run_trials, prepared, trials, seed, devices=devices, batch=batch or prepared.batch(devices[0]),
-            segment=prepared.segment, progress=report,
+            segment=prepared.segment, progress=partial(tell, f"{name} budget"),
         )  # fmt: skip
         errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, engine=engine, dtype=dtype)
     return BudgetResult(
-        trials=trials, seed=seed, choices=len(twins.design.choices), budgets=budgets, warnings=tuple(warnings),
+        trials=trials, seed=seed, choices=len(twins.design.choices), breakdowns=budgets, warnings=tuple(warnings),
         provenance=record,
     )  # fmt: skip
 

@@ -11,7 +11,8 @@ import pytest
 from identify.motion.trajectory import sample
 from uq import law
 from uq.experiment.experiment import Experiment
-from uq.propagation.prediction import Prediction, jerk_of, predicted
+from uq.propagation.prediction import Prediction, predicted
+from uq.propagation.run_sums import jerk_of
 
 
 def promised(experiment, name, rate):
@@ -83,8 +84,7 @@ def test_its_gradient_is_that_of_differences(short):
     def width(scale):
         faster = eqx.tree_at(lambda x: x.angular_acceleration, spec.trajectory, 4.0 * scale)
         motion = sample(faster, t, r_cg_from_still=short.r_cg_from_omb, gravity=np.array(9.81))
-        jerk = jerk_of(dataclasses.replace(spec, trajectory=faster), motion)
-        mean_error, covariance = prediction.moments(motion, jerk, 98.0)
+        mean_error, covariance = prediction.moments(motion, jerk_of(faster, t), 98.0)
         return jnp.log(jnp.trace(covariance) + mean_error @ mean_error)
 
     unit, h = jnp.array(1.0), 1e-4

@@ -14,7 +14,8 @@ import pytest
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign import SamplingPlan, montecarlo
+from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign_options import SamplingPlan
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, true_motion
 from uq.cli import main as cli
@@ -361,7 +362,7 @@ def test_the_report_and_files_of_a_budget(result):
 
 def test_a_finding_when_the_shares_do_not_add_up(result):
     b = dataclasses.replace(result["T1", "central"], closure=np.full(6, 1.5), closure_standard_error=np.full(6, 0.1))
-    changed = dataclasses.replace(result, budgets={"T1": {"central": b}})
+    changed = dataclasses.replace(result, breakdowns={"T1": {"central": b}})
     assert "do not add up" in findings(changed)[0]
     assert findings(result) == []
 

@@ -13,7 +13,8 @@ import pytest
 
 from tests.helpers.small_campaign import document
 from tests.helpers.source_lab import BY_SAMPLES
-from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.campaign.campaign import montecarlo
+from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.trials.checkpoint import Checkpoint
@@ -214,7 +215,8 @@ import numpy as np
 from uq.terminal.common import start_jax
 start_jax()
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import montecarlo
 from uq.trials.checkpoint import Checkpoint
 from uq.experiment.experiment import Experiment
 options = RunOptions(checkpoint=Checkpoint(sys.argv[1], every=0.05), devices=jax.devices()[:1])

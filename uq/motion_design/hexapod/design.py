@@ -138,7 +138,7 @@ def design(
     """
     choices = {"goal": (goal, GOALS), "objective": (objective, OBJECTIVES)}
     check_options(choices, {"starts": starts}, {"period": period, "duration": duration})
-    tell = progress_of(progress, "steps") or (lambda *_: None)
+    tell = progress_of(progress, "steps")
     beaten, given = experiment.select(reference)
     _check_rate(experiment, beaten, given)
     _check_sources(experiment, given)

@@ -150,7 +150,7 @@ def design_report(
     Raises:
         ExperimentError: a source that the law cannot take, or an experiment that is of no file.
     """
-    tell = progress_of(progress, "steps") or (lambda *_: None)
+    tell = progress_of(progress, "steps")
     experiment = design.experiment
     files = designed_files(experiment, design.spec, design.band)
     compared = {name: experiment.trajectories[name] for name in BESIDE if name in experiment.trajectories}

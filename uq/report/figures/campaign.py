@@ -13,9 +13,9 @@ from matplotlib.figure import FigureBase
 from matplotlib.markers import TICKDOWN
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
-from uq.campaign.statistics import GRAM_METRE, OfCase
+from uq.campaign.statistics import OfCase
 from uq.report.figures.style import (
     COLUMN,
     GRID,
