@@ -130,9 +130,7 @@ def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
 
 def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    encode = (cdr_encode.WrenchEncoder if isinstance(channel, WrenchChannel) else cdr_encode.ImuEncoder)(
-        channel.frame_id
-    )
+    encode = cdr_encode.encoder(TYPES[type(channel)], channel.frame_id)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):
@@ -140,4 +138,4 @@ def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tupl
         values = np.concatenate([column[block] for column in _columns(channel)], axis=1)
         columns = channel.log_time[block], channel.stamp[block], counter[block], values
         for log_time, stamp, sequence, row in zip(*(column.tolist() for column in columns), strict=True):
-            yield log_time, number, encode(stamp, *row), stamp, sequence
+            yield log_time, number, encode(stamp, row), stamp, sequence

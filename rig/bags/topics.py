@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from mcap.records import Channel
@@ -14,7 +15,7 @@ from rig.bags.message_batches import MESSAGE, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
-from rig.mcap.cdr_layout import ENCODINGS
+from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
 from rig.mcap.message_fields import IMU, WRENCH
 from rig.mcap.records import Batch, Definitions
 from rig.read_limits import UnpackBudget
@@ -29,10 +30,9 @@ class TopicMessages:
         self.type_name = type_name
         self.frames: set[str] = set()
         self.joints: set[tuple[str, ...]] = set()
-        self.names = cdr_decode.column_names(type_name)
-        self.chunks: dict[str, list[NDArray]] = {name: [] for name in self.names}
+        self.chunks: dict[str, list[NDArray]] = {}
 
-    def add(self, groups: Sequence["cdr_decode.LayoutGroup | json_messages.JsonGroup"]) -> None:
+    def add(self, groups: list[DecodedMessages]) -> None:
         """Take decoded messages of one chunk."""
         order = np.argsort(np.concatenate([group.where for group in groups]))
         self.frames |= {group.frame_id for group in groups}
@@ -41,13 +41,13 @@ class TopicMessages:
             raise RigError(f"its messages name several frames ({listed(sorted(self.frames))}): split the run")
         if len(self.joints) > 1:
             raise RigError(f"its messages name different joints ({listed(sorted(map(str, self.joints)))})")
-        for name in self.names:
-            values = np.concatenate([group.column(name) for group in groups])
-            self.chunks[name].append(values if len(groups) == 1 else values[order])
+        for name in groups[0].columns:
+            values = np.concatenate([group.columns[name] for group in groups])
+            self.chunks.setdefault(name, []).append(values[order])
 
     def arrays(self) -> dict[str, NDArray]:
         """Every column of the topic in the order of ``log_time``; the chunks are released one by one."""
-        joined = {name: np.concatenate(self.chunks.pop(name)) for name in self.names}
+        joined = {name: np.concatenate(self.chunks.pop(name)) for name in list(self.chunks)}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind="stable")
@@ -128,33 +128,23 @@ class Contents:
 
     def wrench(self, topic: str) -> WrenchChannel:
         """Force and moment of this topic as arrays."""
-        column = self.topics[topic].arrays()
-        return WrenchChannel(
-            topic=topic,
-            frame_id=self._frame(topic),
-            log_time=column["log_time"],
-            stamp=column["stamp"],
-            force=column["force"],
-            moment=column["torque"],
-            sequence=column["sequence"],
-        )
+        return WrenchChannel(**self._arrays(topic))
 
     def imu(self, topic: str) -> ImuChannel:
         """Angular velocity and specific force of this topic as arrays."""
-        return ImuChannel(topic=topic, frame_id=self._frame(topic), **self.topics[topic].arrays())
+        return ImuChannel(**self._arrays(topic))
 
     def motion(self, topic: str) -> ImuChannel | MotionChannel:
         """Motion that this topic holds, as arrays."""
-        messages = self.topics[topic]
-        if messages.type_name == IMU:
+        kind = self.topics[topic].type_name
+        if kind == IMU:
             return self.imu(topic)
-        column = messages.arrays()
-        (names,) = messages.joints
-        return MotionChannel(topic=topic, type=messages.type_name, frame_id=self._frame(topic), names=names, **column)
+        (names,) = self.topics[topic].joints
+        return MotionChannel(type=kind, names=names, **self._arrays(topic))
 
-    def _frame(self, topic: str) -> str:
+    def _arrays(self, topic: str) -> dict[str, Any]:
         (frame,) = self.topics[topic].frames
-        return frame
+        return {"topic": topic, "frame_id": frame, **self.topics[topic].arrays()}
 
 
 def type_of(channel: Channel, definitions: Definitions) -> str:
@@ -170,7 +160,7 @@ def type_of(channel: Channel, definitions: Definitions) -> str:
 
 def _decoded(
     data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
-) -> Sequence["cdr_decode.LayoutGroup | json_messages.JsonGroup"]:
+) -> list[DecodedMessages]:
     if channel.message_encoding in ENCODINGS:
         return cdr_decode.decode(data, offsets, type_name, channel.message_encoding)
     try:

@@ -1,11 +1,26 @@
-"""Messages of one chunk to arrays: one numpy gather for all messages that share a layout."""
+"""Messages of one chunk to arrays: one numpy gather for all messages that share a layout.
+
+ROS 2 serialises in CDR: a four-byte encapsulation header (``00 01`` little-endian, ``00 00`` big-endian), then the
+fields, each aligned to its size counted from behind that header; texts end in NUL (OMG DDSI-RTPS 2.5, clause 10). ROS 1
+serialises little-endian without alignment or NUL, and its header begins with a counter. All messages of equal texts and
+lengths have one layout.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from rig.mcap import cdr_layout, message_fields
+from rig.mcap.message_fields import SHAPES, STAMPED, Field, columns
 
+ENDIANNESS = {b"\x00\x01": "<", b"\x00\x00": ">"}
+ENCODINGS = ("cdr", "ros1")
+MOST_NAMES = 4096
+"""Joints in a message; each is a field of the layout."""
+MOST_LAYOUTS = 256
+"""Layouts of one topic in a chunk, beyond which its texts change from message to message."""
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
 RECORD = [
     ("opcode", "u1"),
@@ -16,8 +31,104 @@ RECORD = [
     ("publish_time", "<u8"),
 ]
 START = np.dtype(RECORD)
-MOST_LAYOUTS = 256
-"""Layouts of one topic in a chunk, beyond which its texts change from message to message."""
+
+
+class DecodedMessages(NamedTuple):
+    """Messages of one frame and the same joints: their places among the others, and their columns by name.
+
+    Times are in ns; numbers are doubles.
+    """
+
+    where: NDArray[np.intp]
+    frame_id: str
+    names: tuple[str, ...]
+    columns: dict[str, NDArray]
+
+
+@dataclass
+class Layout:
+    """The fields of one message: a numpy dtype's, and which of them have the same bytes in all messages of the layout.
+
+    Raises:
+        ValueError: the message is not of this type.
+    """
+
+    message: bytes
+    encoding: str
+    fields: list[tuple] = field(default_factory=list)
+    constant: list[str] = field(default_factory=list)
+    frame_id: str = ""
+    names: tuple[str, ...] = ()
+    """The texts of a sequence of texts: names of joints."""
+
+    def __post_init__(self) -> None:
+        self._at, self._origin, self._order = 0, 0, "<"
+        if self.encoding == "cdr":
+            order = ENDIANNESS.get(self.message[:2])
+            if order is None:
+                raise ValueError(f"the encapsulation {self.message[:2].hex()} is not plain CDR")
+            self._put("encapsulation", "u1", 4)
+            self._order, self._origin = order, 4
+
+    def _put(self, name: str, form: str, count: int, *, constant: bool = False) -> int:
+        """Add a field of ``count`` numbers; returns where it begins."""
+        size = int(form[-1])
+        if self.encoding == "cdr" and count and (gap := (self._origin - self._at) % size):
+            self.fields.append((f"padding_{self._at}", "u1", (gap,)))
+            self._at += gap
+        start, self._at = self._at, self._at + size * count
+        if self._at > len(self.message):
+            raise ValueError("a message is too short for its type")
+        self.fields.append((name, form if size == 1 else self._order + form, (count,)))
+        if constant:
+            self.constant.append(name)
+        return start
+
+    def length(self, name: str) -> int:
+        """Add a count and return it."""
+        start = self._put(f"{name}_length", "u4", 1, constant=True)
+        count = int.from_bytes(self.message[start : start + 4], "little" if self._order == "<" else "big")
+        if count > len(self.message):
+            raise ValueError(f"its {name} is longer than the message")
+        return count
+
+    def text(self, name: str) -> str:
+        """Add a text and return it."""
+        count = self.length(name)
+        start = self._put(name, "u1", count, constant=True)
+        return self.message[start : start + count].rstrip(b"\0").decode()
+
+    def header(self) -> None:
+        """Add the stamp and the frame."""
+        if self.encoding == "ros1":
+            self._put("counter", "u4", 1)
+        self._put("sec", "u4" if self.encoding == "ros1" else "i4", 1)
+        self._put("nanosec", "u4", 1)
+        self.frame_id = self.text("frame_id")
+
+    def add(self, item: Field) -> None:
+        """Add a field of the message's type."""
+        name = item.column or item.path
+        if item.kind == "doubles":
+            self._put(name, "f8", item.count)
+        elif item.kind == "sequence":
+            self._put(name, "f8", self.length(name))
+        elif item.kind == "text":
+            self.text(name)
+        elif (count := self.length(name)) > MOST_NAMES:
+            raise ValueError(f"its {name} has more than {MOST_NAMES} texts")
+        else:
+            self.names = tuple(self.text(f"{name}_{k}") for k in range(count))
+
+
+def layout_of(message: bytes, type_name: str, encoding: str) -> Layout:
+    """Return the layout of a message of this type. Raises ``ValueError`` when the bytes are not such a message."""
+    layout = Layout(message, encoding)
+    if type_name in STAMPED:
+        layout.header()
+    for item in SHAPES[type_name]:
+        layout.add(item)
+    return layout
 
 
 def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray:
@@ -32,37 +143,14 @@ def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray
     return np.ascontiguousarray(window[offsets]).view(dtype)[:, 0]
 
 
-class LayoutGroup:
-    """Messages of one layout: their places among the others, and their records."""
-
-    def __init__(self, where: NDArray[np.intp], rows: NDArray, shape: cdr_layout.Layout) -> None:
-        self.where = where
-        self.rows = rows
-        self.names = tuple(shape.names)
-
-    @property
-    def frame_id(self) -> str:
-        """The frame that all of them name. Raises ``ValueError`` when it is not UTF-8."""
-        if "frame_id" not in (self.rows.dtype.names or ()):
-            return ""
-        return self.rows["frame_id"][0].tobytes().rstrip(b"\0").decode()
-
-    def column(self, name: str) -> NDArray:
-        """One column of the messages: times in ns, numbers as doubles."""
-        if name == "stamp":
-            return stamps(self.rows)
-        kinds = {"log_time": np.int64, "sequence": np.uint32}
-        return self.rows[name].astype(kinds.get(name, np.float64))
-
-
-def stamps(rows: NDArray) -> NDArray[np.int64]:
+def _stamps(rows: NDArray) -> NDArray[np.int64]:
     """The header stamps [ns] of records; zeros where the type has no header."""
     if "sec" not in (rows.dtype.names or ()):
         return np.zeros(len(rows), np.int64)
     return rows["sec"][:, 0].astype(np.int64) * 1_000_000_000 + rows["nanosec"][:, 0].astype(np.int64)
 
 
-def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[LayoutGroup]:
+def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[DecodedMessages]:
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
@@ -70,33 +158,34 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
-    pending, groups = np.arange(len(starts)), list[LayoutGroup]()
+    pending, groups = np.arange(len(starts)), list[DecodedMessages]()
     while len(pending):
         if len(groups) == MOST_LAYOUTS:
             raise ValueError("its frames or names change from message to message")
         first = starts[pending[0]]
-        shape = cdr_layout.of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
+        shape = layout_of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
         same_layout = pending[lengths[pending] == lengths[pending[0]]]
         rows = records(data, starts[same_layout], np.dtype(RECORD + shape.fields))
         same = _same(rows, shape)
-        if same is not None:
+        if not same.all():
             same_layout, rows = same_layout[same], rows[same]
-        groups.append(LayoutGroup(same_layout, rows, shape))
+        groups.append(DecodedMessages(same_layout, shape.frame_id, shape.names, _columns(rows, type_name)))
         pending = np.setdiff1d(pending, same_layout, assume_unique=True)
     return groups
 
 
-def _same(rows: NDArray, shape: cdr_layout.Layout) -> NDArray[np.bool_] | None:
-    """Return the mask of records that agree with the first in all that makes their layout; None: all of them do."""
-    columns = [rows[name] for name in shape.constant]
+def _same(rows: NDArray, shape: Layout) -> NDArray[np.bool_]:
+    """Return the mask of records that agree with the first in all that makes their layout."""
+    texts = [rows[name] for name in shape.constant]
     if shape.encoding == "cdr":
-        columns.append(rows["encapsulation"][:, :2])
-    equal = [values == values[0] for values in columns]
-    if all(mask.all() for mask in equal):
-        return None
-    return np.logical_and.reduce([mask.all(axis=1) for mask in equal])
+        texts.append(rows["encapsulation"][:, :2])
+    same = np.ones(len(rows), bool)
+    for values in texts:
+        same &= (values == values[0]).all(axis=1)
+    return same
 
 
-def column_names(type_name: str) -> tuple[str, ...]:
-    """The columns of a topic of this type."""
-    return ("log_time", "stamp", "sequence", *message_fields.columns(type_name))
+def _columns(rows: NDArray, type_name: str) -> dict[str, NDArray]:
+    numbers = {name: rows[name].astype(np.float64) for name in columns(type_name)}
+    log_time, sequence = rows["log_time"].astype(np.int64), rows["sequence"].astype(np.uint32)
+    return {"log_time": log_time, "stamp": _stamps(rows), "sequence": sequence, **numbers}

@@ -1,56 +1,38 @@
 """CDR, the encoding of ROS 2 messages: from the values that our runs carry to bytes.
 
-:mod:`rig.mcap.cdr_layout` explains and reads it. WrenchStamped and Imu, a thousand a second, by one packed structure;
+:mod:`rig.mcap.cdr_decode` explains and reads it. WrenchStamped and Imu, a thousand a second, by one packed structure;
 the others (raw bytes, named values, marks, device status) field by field.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from rig.mcap import message_definitions
-from rig.mcap.message_fields import SHAPES
+from rig.mcap.message_definitions import IMU, WRENCH
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
+NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {WRENCH: ("6d", ()), IMU: ("24x2d64x3d72x3d72x", (1.0, -1.0))}
+"""Numbers behind the header: their places, where ``x`` is a byte of zero, and those before a sample's.
+
+Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``) and of unknown covariances (zeros).
+"""
+Encode = Callable[[int, Sequence[float]], bytes]
+"""Function from a stamp [ns] and the numbers of a sample to a message."""
 
 
-class Encoder:
-    """Packs messages of one stamped type in one frame: ``encoder(stamp_ns, *doubles) -> bytes``."""
+def encoder(type_name: str, frame_id: str, names: Sequence[str] = ()) -> Encode:
+    """Return what packs the messages of a type in one frame.
 
-    def __init__(self, type_name: str, frame_id: str) -> None:
-        frame = frame_id.encode() + b"\0"
-        padding = -(12 + len(frame)) % 8
-        doubles = sum(field.count for field in SHAPES[type_name])
-        self._struct = struct.Struct(f"<4siII{len(frame)}s{padding}x{doubles}d")
-        self._frame = frame
-
-    def __call__(self, stamp: int, *values: float) -> bytes:
-        """The message with this stamp [ns] and these doubles, in the order of ``BODIES``."""
-        sec, nanosec = divmod(stamp, 1_000_000_000)
-        return self._struct.pack(ENCAPSULATION, sec, nanosec, len(self._frame), self._frame, *values)
-
-
-class WrenchEncoder(Encoder):
-    """Packs WrenchStamped: ``encoder(stamp_ns, Fx, Fy, Fz, Mx, My, Mz)``."""
-
-    def __init__(self, frame_id: str) -> None:
-        super().__init__(message_definitions.WRENCH, frame_id)
-
-
-_NO_ORIENTATION = (0.0, 0.0, 0.0, 1.0, -1.0, *[0.0] * 8)
-_UNKNOWN_COVARIANCE = (0.0,) * 9
-
-
-class ImuEncoder(Encoder):
-    """Packs Imu without orientation (``orientation_covariance[0] = -1``) and with unknown covariances (zeros)."""
-
-    def __init__(self, frame_id: str) -> None:
-        super().__init__(message_definitions.IMU, frame_id)
-
-    def __call__(self, stamp: int, *values: float) -> bytes:
-        """The message with this stamp [ns], angular velocity and specific force (six doubles)."""
-        return super().__call__(
-            stamp, *_NO_ORIENTATION, *values[:3], *_UNKNOWN_COVARIANCE, *values[3:], *_UNKNOWN_COVARIANCE
-        )
+    Args:
+        type_name: WrenchStamped or Imu, of six numbers; JointState, of positions and, if there are more, velocities.
+        frame_id: the frame that the messages name.
+        names: of the joints or values.
+    """
+    if type_name not in NUMBERS:
+        return lambda stamp, numbers: _joint_state(stamp, frame_id, names, numbers)
+    frame = frame_id.encode() + b"\0"
+    places, first = NUMBERS[type_name]
+    pack = struct.Struct(f"<4siII{len(frame)}s{-(12 + len(frame)) % 8}x{places}").pack
+    return lambda stamp, numbers: pack(ENCAPSULATION, *divmod(stamp, 10**9), len(frame), frame, *first, *numbers)
 
 
 class _Writer:
@@ -78,12 +60,9 @@ class _Writer:
         return ENCAPSULATION + bytes(self._data)
 
 
-_BYTES_START = ENCAPSULATION + struct.pack("<II", 0, 0)
-
-
 def encode_bytes(data: bytes) -> bytes:
     """std_msgs/UInt8MultiArray without dimensions."""
-    return _BYTES_START + struct.pack("<I", len(data)) + data
+    return ENCAPSULATION + struct.pack("<III", 0, 0, len(data)) + data
 
 
 def encode_text(value: str) -> bytes:
@@ -91,37 +70,15 @@ def encode_text(value: str) -> bytes:
     return _Writer().text(value).finish()
 
 
-def encode_values(stamp: int, frame_id: str, names: Sequence[str], numbers: Sequence[float]) -> bytes:
-    """sensor_msgs/JointState with names and positions, stamp in ns."""
-    writer = _Writer().header(stamp, frame_id).put("I", len(names))
+def _joint_state(stamp: int, frame_id: str, names: Sequence[str], numbers: Sequence[float]) -> bytes:
+    writer, count = _Writer().header(stamp, frame_id).put("I", len(names)), len(names)
     for name in names:
         writer.text(name)
-    writer.put("I", len(numbers)).put(f"{len(numbers)}d", *numbers)
-    return writer.put("I", 0).put("I", 0).finish()
-
-
-class JointsEncoder:
-    """Packs sensor_msgs/JointState of these joints: ``encoder(stamp_ns, positions + velocities)``, no effort."""
-
-    def __init__(self, frame_id: str, names: Sequence[str]) -> None:
-        count = len(names)
-        writer = _Writer().header(0, frame_id).put("I", count)
-        for name in names:
-            writer.text(name)
-        empty = writer.put("I", count).put(f"{count}d", *[0.0] * count).put("I", count).put(f"{count}d", *[0.0] * count)
-        self._message = bytearray(empty.put("I", 0).finish())
-        self._numbers = struct.Struct(f"<{count}d")
-        self._velocity = len(self._message) - 4 - self._numbers.size
-        self._position = self._velocity - self._numbers.size - (8 if count else 4)
-        self._count = count
-
-    def __call__(self, stamp: int, values: tuple[float, ...]) -> bytes:
-        """The message with this stamp [ns]."""
-        message = self._message
-        struct.pack_into("<iI", message, len(ENCAPSULATION), stamp // 10**9, stamp % 10**9)
-        self._numbers.pack_into(message, self._position, *values[: self._count])
-        self._numbers.pack_into(message, self._velocity, *values[self._count :])
-        return bytes(message)
+    for values in (numbers[:count], numbers[count:], ()):  # position, velocity, effort
+        writer.put("I", len(values))
+        if values:
+            writer.put(f"{len(values)}d", *values)
+    return writer.finish()
 
 
 OK, WARN, ERROR = 0, 1, 2

@@ -37,8 +37,8 @@ _TWIST = (Field("twist.linear"), Field("twist.angular", column="angular_velocity
 _ORIENTATION = "orientation"
 
 SHAPES: dict[str, tuple[Field, ...]] = {
-    WRENCH: (Field("wrench.force", column="force"), Field("wrench.torque", column="torque")),
-    BARE_WRENCH: (Field("force", column="force"), Field("torque", column="torque")),
+    WRENCH: (Field("wrench.force", column="force"), Field("wrench.torque", column="moment")),
+    BARE_WRENCH: (Field("force", column="force"), Field("torque", column="moment")),
     IMU: (
         Field("orientation", count=4),
         Field("orientation_covariance", count=9),

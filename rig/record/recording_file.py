@@ -1,20 +1,17 @@
 """The file that a recording grows in, and its channels; a full disk leaves it cut back to its last whole chunk."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from mcap.writer import Writer
 
 from rig.atomic_files import refuse_existing
-from rig.devices.base import Channel
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import register
 from rig.record.rig_file import DeviceEntry
 
-ENCODERS = {"wrench": cdr_encode.WrenchEncoder, "imu": cdr_encode.ImuEncoder}
 TYPES = {
     "wrench": message_definitions.WRENCH,
     "imu": message_definitions.IMU,
@@ -27,7 +24,7 @@ class OutputChannel(NamedTuple):
     """A channel of the file, how its messages are made, and which numbers of a sample they hold."""
 
     channel: int
-    encode: Callable[[int, tuple[float, ...]], bytes]
+    encode: cdr_encode.Encode
     numbers: slice
 
 
@@ -36,19 +33,11 @@ def outputs(writer: Writer, entry: DeviceEntry) -> list[OutputChannel]:
     announced, start = [], 0
     for channel, topic in zip(entry.device.channels, entry.topics, strict=True):
         stop = start + len(channel.signals)
-        number = register(writer, TYPES[channel.measures], topic)
-        announced.append(OutputChannel(number, _encoder(channel, entry.frame_id), slice(start, stop)))
+        kind = TYPES[channel.measures]
+        encode = cdr_encode.encoder(kind, entry.frame_id, channel.names)
+        announced.append(OutputChannel(register(writer, kind, topic), encode, slice(start, stop)))
         start = stop
     return announced
-
-
-def _encoder(channel: Channel, frame_id: str) -> Callable[[int, tuple[float, ...]], bytes]:
-    if channel.measures == "values":
-        return lambda stamp, values: cdr_encode.encode_values(stamp, frame_id, channel.names, values)
-    if channel.measures == "joints":
-        return cdr_encode.JointsEncoder(frame_id, channel.names)
-    encode = ENCODERS[channel.measures](frame_id)
-    return lambda stamp, values: encode(stamp, *values)
 
 
 class Sink:

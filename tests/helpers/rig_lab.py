@@ -14,7 +14,7 @@ import numpy as np
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap import message_definitions
-from rig.mcap.cdr_encode import JointsEncoder, WrenchEncoder
+from rig.mcap.cdr_encode import encoder
 from rig.mcap.writer import new_writer, register
 from rig.record.device_source import DeviceSource
 from rig.record.reader import Reader
@@ -75,11 +75,12 @@ def joints_run(path, seconds=2.0):
         writer = new_writer(stream)
         numbers = [register(writer, message_definitions.WRENCH, "/wrench")]
         numbers += [register(writer, message_definitions.VALUES, "/joint_states")]
-        wrench, joints = WrenchEncoder("body"), JointsEncoder("", JOINTS)
+        wrench = encoder(message_definitions.WRENCH, "body")
+        joints = encoder(message_definitions.VALUES, "", JOINTS)
         for k, (time_, stamp) in enumerate(zip(t, stamps, strict=True)):
             moved = tuple(np.concatenate([turns * np.sin(time_), turns * np.cos(time_)]).tolist())
             for number, data in zip(
-                numbers, (wrench(stamp, time_, -time_, 2 * time_, 1, 2, 3), joints(stamp, moved)), strict=True
+                numbers, (wrench(stamp, (time_, -time_, 2 * time_, 1, 2, 3)), joints(stamp, moved)), strict=True
             ):
                 writer.add_message(number, stamp, data, stamp, k)
         writer.finish()

@@ -162,10 +162,10 @@ def test_frames_of_changing_length_and_order_are_sorted_by_time(tmp_path):
         writer = new_writer(stream)
         number = register(writer, message_definitions.WRENCH, "/wrench")
         imu = register(writer, message_definitions.IMU, "/imu")
-        writer.add_message(imu, 0, cdr_encode.ImuEncoder("x")(0, *[0.0] * 6), 0)
-        little = cdr_encode.WrenchEncoder("f")
+        writer.add_message(imu, 0, cdr_encode.encoder(message_definitions.IMU, "x")(0, [0.0] * 6), 0)
+        little = cdr_encode.encoder(message_definitions.WRENCH, "f")
         for row, time in enumerate(times.tolist()):
-            data = little(time, *values[row])
+            data = little(time, values[row])
             if row % 2:
                 big = struct.pack(">4siII2s2x6d", b"\0\0\0\0", 0, time, 2, b"f\0", *values[row])
                 data = big
@@ -289,9 +289,9 @@ def test_the_index_of_the_chunks_is_whole_and_small(tmp_path):
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
         number = register(writer, message_definitions.WRENCH, "/wrench")
-        encode = cdr_encode.WrenchEncoder("body")
+        encode = cdr_encode.encoder(message_definitions.WRENCH, "body")
         for time in range(1000):
-            writer.add_message(number, time, encode(time, *[0.0] * 6), time)
+            writer.add_message(number, time, encode(time, [0.0] * 6), time)
             writer.flush()
         kept = writer._Writer__chunk_indices
         assert isinstance(kept, _SpooledIndexes)

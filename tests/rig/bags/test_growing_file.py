@@ -11,7 +11,7 @@ from rig.mcap.message_fields import IMU, WRENCH
 from tests.helpers.rig_samples import imu_channel, wrench_channel
 
 ALL = {WRENCH: None, IMU: None}
-COLUMNS = {WRENCH: ("log_time", "stamp", "force", "torque"), IMU: ("log_time", "angular_velocity")}
+COLUMNS = {WRENCH: ("log_time", "stamp", "force", "moment"), IMU: ("log_time", "angular_velocity")}
 
 
 @pytest.fixture(scope="module")

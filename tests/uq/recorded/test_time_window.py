@@ -103,12 +103,12 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
         writer.add_metadata("rig.run", seal("rig.run", facts))
         ids = [register(writer, kind, topic) for kind, topic in
                ((WRENCH, "/wrench"), (IMU, "/imu"), (TEXT, "/mark"), (DIAGNOSTICS, "/diagnostics"))]  # fmt: skip
-        wrench, imu = cdr_encode.WrenchEncoder("cell"), cdr_encode.ImuEncoder("imu")
+        wrench, imu = cdr_encode.encoder(WRENCH, "cell"), cdr_encode.encoder(IMU, "imu")
         rows = zip(stamp.tolist(), np.hstack([signals.force, signals.moment]).tolist(),
                    np.hstack([signals.omega, signals.specific_force]).tolist(), strict=True)  # fmt: skip
         for k, (time, of_wrench, of_imu) in enumerate(rows):
-            writer.add_message(ids[0], time + apart, wrench(time, *of_wrench), time, k)
-            writer.add_message(ids[1], time + apart, imu(time, *of_imu), time, k)
+            writer.add_message(ids[0], time + apart, wrench(time, of_wrench), time, k)
+            writer.add_message(ids[1], time + apart, imu(time, of_imu), time, k)
         for seconds, name in marks:
             time = round(seconds * 1e9) + apart
             writer.add_message(ids[2], time, cdr_encode.encode_text(name), time, 0)
