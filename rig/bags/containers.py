@@ -10,12 +10,11 @@ import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 import zstandard
 
-from rig.bags.message_batches import ZSTD
-from rig.exceptions import RigError, listed, reason
+from rig.bags.message_batches import ZSTD, ContainerFile
+from rig.exceptions import RigError, listed
 from rig.mcap.records import MAGIC, Batch, Definitions, Scanner, batches, damage
 from rig.read_limits import UnpackBudget, require_file
 
@@ -41,53 +40,32 @@ OTHERS = {
 """First bytes of what we do not read, its name, and what to do."""
 
 
-@runtime_checkable
-class ContainerFile(Protocol):
-    """One file of a recording."""
+class McapFile(ContainerFile):
+    """An MCAP file."""
 
-    budget: UnpackBudget
-
-    @property
-    def sha256(self) -> str:
-        """The file's hash, once all its batches are taken."""
-
-    def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
-        """The messages, at least those of these types, chunk by chunk; fills ``definitions`` on the way."""
-
-    def damage(self, why: str) -> RigError:
-        """The error for what is wrong with what was read last."""
-
-
-class McapFile:
-    """An MCAP file; messages call it by its budget's name, where it was unpacked from another."""
-
-    def __init__(self, path: PathLike, budget: UnpackBudget) -> None:
-        self.path, self.name, self.budget = path, budget.name, budget
-        self._scanner: Scanner | None = None
+    _scanner: Scanner
 
     @property
     def sha256(self) -> str:
         """The file's hash, once all its batches are taken."""
-        return "" if self._scanner is None else self._scanner.sha256
+        return self._scanner.sha256
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """All messages, chunk by chunk."""
         with open(self.path, "rb") as stream:
             self._scanner = Scanner(self.name, stream, self.budget)
-            yield from batches(self._scanner, definitions)
+            yield from batches(self._scanner, definitions, self.budget, self.name)
 
     def damage(self, why: str) -> RigError:
         """The error for what is wrong with the chunk read last."""
-        return damage(self.name, 0 if self._scanner is None else self._scanner.position, why)
+        return damage(self.name, self._scanner.position, why)
 
 
-class ZstdFile:
+class ZstdFile(ContainerFile):
     """A compressed file of any kind, unpacked to a temporary file while it is read."""
 
-    def __init__(self, path: PathLike, budget: UnpackBudget) -> None:
-        self.path, self.name, self.budget = path, budget.name, budget
-        self.sha256 = ""
-        self._inner: ContainerFile | None = None
+    sha256 = ""
+    _inner: ContainerFile
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of the file inside."""
@@ -102,8 +80,6 @@ class ZstdFile:
 
     def damage(self, why: str) -> RigError:
         """The error for what is wrong with what was read last."""
-        if self._inner is None:
-            return RigError(f"cut or damaged {self.name} ({reason(why)}): fetch or pack it again")
         return self._inner.damage(why)
 
 
@@ -157,37 +133,21 @@ def container_file(path: PathLike, budget: UnpackBudget | None = None) -> Contai
     return McapFile(path, budget)
 
 
-class RecordingFiles:
-    """The files of one recording, in order."""
-
-    def __init__(self, files: list[ContainerFile], *, folder: bool) -> None:
-        self.files, self._folder = files, folder
-
-    def batches(self, types: set[str]) -> Iterator[tuple[ContainerFile, Definitions, Batch]]:
-        """The messages, at least those of these types, chunk by chunk, with their file and its definitions."""
-        for file in self.files:
-            definitions = Definitions({}, {}, {})
-            for batch in file.batches(definitions, types):
-                yield file, definitions, batch
-
-    @property
-    def sha256(self) -> str:
-        """The file's hash; of a folder, the hash of its files' hashes, each on a line (``sha256sum`` of these)."""
-        if not self._folder:
-            return self.files[0].sha256
-        return hashlib.sha256("".join(f"{file.sha256}\n" for file in self.files).encode()).hexdigest()
-
-
-def recording_files(path: PathLike) -> RecordingFiles:
-    """The files of a recording: a file by itself, or a rosbag2 folder.
+def recording_files(path: PathLike) -> list[ContainerFile]:
+    """The files of a recording, in order: a file by itself, or those of a rosbag2 folder.
 
     Raises:
         RigError: it holds no recording, or several.
         OSError: it cannot be opened.
     """
-    if os.path.isdir(path):
-        return RecordingFiles([container_file(file) for file in folder_files(Path(path))], folder=True)
-    return RecordingFiles([container_file(path)], folder=False)
+    return [container_file(file) for file in (folder_files(Path(path)) if os.path.isdir(path) else [path])]
+
+
+def recording_sha256(path: PathLike, files: list[ContainerFile]) -> str:
+    """The file's hash; of a folder, the hash of its files' hashes, each on a line (``sha256sum`` of these)."""
+    if not os.path.isdir(path):
+        return files[0].sha256
+    return hashlib.sha256("".join(f"{file.sha256}\n" for file in files).encode()).hexdigest()
 
 
 NUMBERED = re.compile(r"(?P<stem>.*)_(?P<number>0|[1-9]\d*)\.(mcap|db3)(\.zstd)?")

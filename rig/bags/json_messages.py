@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import MESSAGE
 from rig.bags.protobuf_messages import decoder
 from rig.exceptions import quoted
 from rig.mcap.cdr_decode import DecodedMessages
 from rig.mcap.message_fields import SHAPES, STAMPED, Field
+from rig.mcap.records import message_at
 
 ENCODINGS = ("json", "protobuf")
 AXES = "xyzw"
@@ -33,13 +33,13 @@ def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, sc
     read = _json if channel.message_encoding == "json" else decoder(schema.data, schema.name)
     groups: dict[tuple, list[dict[str, Any]]] = {}
     for place, offset in enumerate(offsets):
-        _, length, _, sequence, log_time, _ = MESSAGE.unpack_from(data, offset)
-        tree = read(data[offset + MESSAGE.size : offset + 9 + length])
+        message = message_at(data, offset)
+        tree = read(message.data)
         stamp, frame = _header(tree) if type_name in STAMPED else (0, "")
         names, values = _values(tree, type_name)
         key = frame, names, *(len(value) for value in values.values())
-        row = {"where": place, "log_time": log_time, "stamp": stamp, "sequence": sequence, **values}
-        groups.setdefault(key, []).append(row)
+        row = {"where": place, "log_time": message.log_time, "stamp": stamp, "sequence": message.sequence}
+        groups.setdefault(key, []).append(row | values)
     return [_together(frame, names, rows) for (frame, names, *_), rows in groups.items()]
 
 

@@ -5,9 +5,9 @@ import struct
 from typing import NamedTuple
 
 from rig.bags.containers import recording_files
-from rig.bags.message_batches import MESSAGE
-from rig.mcap.message_definitions import DIAGNOSTICS, TEXT, canonical
-from rig.mcap.records import Definitions
+from rig.bags.topics import type_of
+from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
+from rig.mcap.records import Definitions, message_at
 
 ALIGNED = 4  # the encapsulation, after which CDR aligns
 
@@ -43,20 +43,19 @@ def read_marks(path: str | os.PathLike[str]) -> Notes:
         OSError: the file cannot be opened.
     """
     marks, status = [], []
-    for file, definitions, batch in recording_files(path).batches({TEXT, DIAGNOSTICS}):
-        for channel_id, offsets in batch.offsets.items():
-            kind = _kind(definitions, channel_id)
-            if kind not in (TEXT, DIAGNOSTICS):
-                continue
-            for offset in offsets:
-                try:
-                    time, data = _message(batch.data, offset)
-                    if kind == TEXT:
-                        marks.append(Mark(time, _Reader(data).text()))
-                    else:
-                        status += [(time, *item) for item in _status(data)]
-                except (ValueError, struct.error) as error:
-                    raise file.damage(str(error)) from error
+    for file in recording_files(path):
+        definitions = Definitions()
+        for batch in file.batches(definitions, {TEXT, DIAGNOSTICS}):
+            for channel_id, offsets in batch.offsets.items():
+                kind = _kind(definitions, channel_id)
+                for message in (message_at(batch.data, offset) for offset in offsets if kind):
+                    try:
+                        if kind == TEXT:
+                            marks.append(Mark(message.log_time, _Reader(message.data).text()))
+                        else:
+                            status += [(message.log_time, *item) for item in _status(message.data)]
+                    except (ValueError, struct.error) as error:
+                        raise file.damage(str(error)) from error
     return Notes(tuple(sorted(marks)), tuple(_flagged(status)))
 
 
@@ -65,14 +64,8 @@ def _kind(definitions: Definitions, channel_id: int) -> str | None:
     channel = definitions.channels.get(channel_id)
     if channel is None or channel.topic not in ("/mark", "/diagnostics") or channel.message_encoding != "cdr":
         return None
-    schema = definitions.schemas.get(channel.schema_id)
-    return None if schema is None else canonical(schema.name)
-
-
-def _message(data: bytes, offset: int) -> tuple[int, bytes]:
-    """Log time and content of the message whose record starts at ``offset``."""
-    _, length, _, _, time, _ = MESSAGE.unpack_from(data, offset)
-    return time, data[offset + MESSAGE.size : offset + 9 + length]
+    kind = type_of(channel, definitions)
+    return kind if kind in (TEXT, DIAGNOSTICS) else None
 
 
 class _Reader:

@@ -1,17 +1,16 @@
-"""Messages of any container as the chunks of MCAP records that :mod:`rig.mcap.cdr_decode` takes."""
+"""A file of a recording in any container, and its messages as the chunks of MCAP records that are decoded."""
 
 import hashlib
 import os
-import struct
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
 import zstandard
 
-from rig.mcap.records import Batch
+from rig.exceptions import RigError
+from rig.mcap.records import MESSAGE, Batch, Definitions, message_at
 from rig.read_limits import UnpackBudget
 
-MESSAGE = struct.Struct("<BQHIQQ")
-"""A message's record up to its data: opcode 5, length, channel, sequence, log time, publish time."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 FULL = 2**20
 """Bytes of a chunk."""
@@ -19,18 +18,25 @@ LONGEST = 2**20
 """Bytes of a message; a sample takes some hundred."""
 
 
-class ForeignFile:
-    """A file that is no MCAP; messages call it by its budget's name."""
+class ContainerFile(ABC):
+    """One file of a recording; messages call it by its budget's name, where it was unpacked from another."""
 
     def __init__(self, path: str | os.PathLike[str], budget: UnpackBudget) -> None:
         self.path, self.name, self.budget = path, budget.name, budget
-        budget.reached(os.path.getsize(path))
 
     @property
     def sha256(self) -> str:
-        """The file's hash."""
+        """The file's hash, once all its batches are taken."""
         with open(self.path, "rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
+
+    @abstractmethod
+    def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
+        """The messages, at least those of these types, chunk by chunk; fills ``definitions`` on the way."""
+
+    @abstractmethod
+    def damage(self, why: str) -> RigError:
+        """The error for what is wrong with what was read last."""
 
 
 class Packer:
@@ -49,16 +55,11 @@ class Packer:
         self._data += MESSAGE.pack(5, MESSAGE.size - 9 + len(data), channel, sequence, log_time, log_time)
         self._data += data
 
-    @property
-    def full(self) -> bool:
-        """Whether the chunk is full, so that it should be taken."""
-        return len(self._data) >= FULL
-
-    def take(self) -> Iterator[Batch]:
-        """The chunk, if there is anything in it; the packer is empty then."""
-        if self._offsets:
+    def take(self, least: int = 1) -> Iterator[Batch]:
+        """The chunk, if there are as many bytes in it; the packer is empty then."""
+        if len(self._data) >= least:
             yield Batch(bytes(self._data), self._offsets, [], [])
-        self._data, self._offsets = bytearray(), {}
+            self._data, self._offsets = bytearray(), {}
 
 
 def _check_length(size: int) -> None:
@@ -81,18 +82,16 @@ def pieces(data: bytes, offsets: list[int], budget: UnpackBudget) -> Iterator[tu
         return
     packer, expand = Packer(), zstandard.ZstdDecompressor()
     for offset in offsets:
-        _, length, channel, sequence, log_time, _ = MESSAGE.unpack_from(data, offset)
-        message = data[offset + MESSAGE.size : offset + 9 + length]
+        message = message_at(data, offset)
         if packed:
-            message = _message(message, expand)
-            budget.take(len(message))
-        packer.add(channel, log_time, message, sequence)
-        if packer.full:
-            yield from _taken(packer)
+            message.data = _unpacked(message.data, expand)
+            budget.take(len(message.data))
+        packer.add(message.channel_id, message.log_time, message.data, message.sequence)
+        yield from _taken(packer, FULL)
     yield from _taken(packer)
 
 
-def _message(packed: bytes, expand: zstandard.ZstdDecompressor) -> bytes:
+def _unpacked(packed: bytes, expand: zstandard.ZstdDecompressor) -> bytes:
     try:
         stated = zstandard.get_frame_parameters(packed).content_size
         if stated != zstandard.CONTENTSIZE_UNKNOWN:
@@ -102,6 +101,6 @@ def _message(packed: bytes, expand: zstandard.ZstdDecompressor) -> bytes:
         raise ValueError("a message does not decompress") from error
 
 
-def _taken(packer: Packer) -> Iterator[tuple[bytes, list[int]]]:
-    for batch in packer.take():
+def _taken(packer: Packer, least: int = 1) -> Iterator[tuple[bytes, list[int]]]:
+    for batch in packer.take(least):
         yield batch.data, next(iter(batch.offsets.values()))

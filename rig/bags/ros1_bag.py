@@ -2,6 +2,7 @@
 
 import bz2
 import errno
+import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import lz4.frame
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import ForeignFile, Packer
+from rig.bags.message_batches import FULL, ContainerFile, Packer
 from rig.exceptions import RigError, reason
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions
@@ -20,7 +21,7 @@ INDEX_ENTRY = 16
 """Bytes of memory that a byte of the bag's index takes, about."""
 
 
-class Ros1File(ForeignFile):
+class Ros1File(ContainerFile):
     """A ROS 1 recording, a .bag file."""
 
     def damage(self, why: str) -> RigError:
@@ -30,6 +31,7 @@ class Ros1File(ForeignFile):
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of these types, a megabyte at a time."""
         packer = Packer()
+        self.budget.reached(os.path.getsize(self.path))
         try:
             with self._reader() as reader:
                 for connection in reader.connections:
@@ -40,8 +42,7 @@ class Ros1File(ForeignFile):
                 for connection, time, data in reader.messages(wanted) if wanted else ():
                     self.budget.take(len(data))
                     packer.add(connection.id, time, bytes(data))
-                    if packer.full:
-                        yield from packer.take()
+                    yield from packer.take(FULL)
         except (GeneratorExit, RigError):
             raise
         except Exception as error:  # rosbags lets out what struct, bz2, lz4 and seeking raise of a damaged file

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import ForeignFile, Packer
+from rig.bags.message_batches import FULL, ContainerFile, Packer
 from rig.exceptions import RigError, listed
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions
@@ -27,7 +27,7 @@ TOPIC = 2**12
 """Bytes that a topic counts for beside its texts."""
 
 
-class SqliteFile(ForeignFile):
+class SqliteFile(ContainerFile):
     """A rosbag2 recording in SQLite, a .db3 file."""
 
     def damage(self, why: str) -> RigError:
@@ -38,6 +38,7 @@ class SqliteFile(ForeignFile):
 
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages of these types, a megabyte at a time."""
+        self.budget.reached(os.path.getsize(self.path))
         self._check_whole()
         uri = f"file:{quote(os.path.abspath(self.path))}?mode=ro&immutable=1"
         try:
@@ -85,8 +86,7 @@ class SqliteFile(ForeignFile):
                 packer.add(topic_id, timestamp, data)
             except ValueError as error:
                 raise self.damage(str(error)) from error
-            if packer.full:
-                yield from packer.take()
+            yield from packer.take(FULL)
         yield from packer.take()
 
     def _limit(self, database: sqlite3.Connection) -> None:

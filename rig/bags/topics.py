@@ -10,17 +10,19 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from rig.bags import json_messages
-from rig.bags.containers import recording_files
-from rig.bags.message_batches import MESSAGE, pieces
+from rig.bags.containers import recording_files, recording_sha256
+from rig.bags.message_batches import ContainerFile, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
 from rig.mcap.message_fields import IMU, WRENCH
-from rig.mcap.records import Batch, Definitions
+from rig.mcap.records import MESSAGE, Batch, Definitions
 from rig.read_limits import UnpackBudget
 
 PathLike = str | os.PathLike[str]
+Topics = Mapping[str, str | None]
+"""Per message type the one topic to take, or None for all."""
 
 
 class TopicMessages:
@@ -65,8 +67,19 @@ class Contents:
         self.types: dict[str, str] = {}
         self.topics: dict[str, TopicMessages] = {}
 
-    def add(self, batch: Batch, definitions: Definitions, only: Mapping[str, str | None], budget: UnpackBudget) -> None:
-        """Take the messages of one chunk that are of a type in ``only``, from the named topic or from every one."""
+    def take(self, file: ContainerFile, definitions: Definitions, only: Topics) -> None:
+        """Take a file's messages that are of a type in ``only``, from the named topic or from every one."""
+        for batch in file.batches(definitions, set(only)):
+            try:
+                self._add(batch, definitions, only, file.budget)
+            except RigError:
+                raise
+            except (ValueError, OverflowError) as error:
+                raise file.damage(str(error)) from error
+        self.types |= {channel.topic: type_of(channel, definitions) for channel in definitions.channels.values()}
+        self.metadata |= definitions.metadata
+
+    def _add(self, batch: Batch, definitions: Definitions, only: Topics, budget: UnpackBudget) -> None:
         for channel_id, offsets in batch.offsets.items():
             if channel_id not in definitions.channels:
                 raise ValueError(f"messages of channel {channel_id}, which is not defined")
@@ -81,11 +94,6 @@ class Contents:
                         messages.add(_decoded(data, places, channel, type_name, definitions))
                     except RigError as error:
                         raise RigError(f"topic {listed([channel.topic])} in {self.path}: {error}") from None
-
-    def note(self, definitions: Definitions) -> None:
-        """Take the topics and metadata of one file."""
-        self.types |= {channel.topic: type_of(channel, definitions) for channel in definitions.channels.values()}
-        self.metadata |= definitions.metadata
 
     def choose(self, types: str | tuple[str, ...], topic: str | None) -> str:
         """The topic of this name, or the only one of the first of these types that has any.
@@ -169,29 +177,19 @@ def _decoded(
         raise RigError(f"{error}: write its messages with the fields of {type_name}") from None
 
 
-def load(path: PathLike, *, only: Mapping[str, str | None] | None = None) -> Contents:
+def load(path: PathLike, *, only: Topics | None = None) -> Contents:
     """Read all wrench and IMU topics of a recording in one pass, a chunk at a time.
 
     Args:
         path: a file or rosbag2 folder; see :mod:`rig.bags.containers`.
-        only: per message type the one topic to take, or None for all; by default WrenchStamped and Imu.
+        only: the topics to take; by default WrenchStamped and Imu.
 
     Raises:
         RigError: it is no recording, cut, damaged, or unpacks to too much.
         OSError: it cannot be opened.
     """
-    contents = Contents(path)
-    wanted = {WRENCH: None, IMU: None} if only is None else only
-    recording = recording_files(path)
-    for file in recording.files:
-        definitions = Definitions({}, {}, {})
-        for batch in file.batches(definitions, set(wanted)):
-            try:
-                contents.add(batch, definitions, wanted, file.budget)
-            except RigError:
-                raise
-            except (ValueError, OverflowError) as error:
-                raise file.damage(str(error)) from error
-        contents.note(definitions)
-    contents.sha256 = recording.sha256
+    contents, files = Contents(path), recording_files(path)
+    for file in files:
+        contents.take(file, Definitions(), {WRENCH: None, IMU: None} if only is None else only)
+    contents.sha256 = recording_sha256(path, files)
     return contents

@@ -7,19 +7,19 @@ import hashlib
 import os
 import struct
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from io import BytesIO
 from typing import IO
 
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
 
 from rig.exceptions import RigError, quoted, reason
-from rig.mcap.record_batch import PARSE_ERRORS, Batch, walk
 from rig.read_limits import UnpackBudget
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -31,6 +31,18 @@ DEFINITION = 4096
 """Bytes that such a record counts for, however short it is: the objects that it becomes, and the time."""
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
+MESSAGE = struct.Struct("<BQHIQQ")
+"""A message's record up to its data: opcode 5, length, channel, sequence, log time, publish time."""
+MESSAGE_HEAD = MESSAGE.size - 9
+"""Bytes that its length counts beside its data."""
+MOST_DEFINITIONS = 2**16
+"""Records in one chunk that are no messages; ids of schemas and channels have 16 bits."""
+PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
+_MESSAGE_START = struct.Struct("<BQH").unpack_from
+HEAD = 11
+"""Bytes at a message's start that say what follows: opcode, length, channel."""
+LONGEST = 32
+"""Messages of a cycle at most."""
 
 
 class DamageError(RigError):
@@ -49,11 +61,40 @@ class Record:
     body: bytes
 
 
+@dataclass
+class Batch:
+    """The records of one chunk: its bytes, and per channel the offsets of its messages, in file order.
+
+    ``others`` counts the records that are no messages.
+    """
+
+    data: bytes
+    offsets: dict[int, list[int]]
+    schemas: list[Schema]
+    channels: list[Channel]
+    others: int = 0
+
+
+@dataclass
+class Definitions:
+    """Schemas and channels of a file by id, and its metadata records by name."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def add(self, batch: Batch) -> None:
+        """Take what a chunk defines."""
+        self.schemas |= {schema.id: schema for schema in batch.schemas}
+        self.channels |= {channel.id: channel for channel in batch.channels}
+
+
 class Scanner:
     """Iterates over a file's records from start to end, verifying magic, lengths and section checksums.
 
-    After a full iteration ``sha256`` is the file's hash. Raises ``DamageError`` where the file ends early or a
-    checksum disagrees, ``UnpackError`` where a record is too large to be held, and ``RigError`` where it is no MCAP.
+    ``position`` is the number of bytes read so far; after a full iteration ``sha256`` is the file's hash. Raises
+    ``DamageError`` where the file ends early or a checksum disagrees, ``UnpackError`` where a record is too large to be
+    held, and ``RigError`` where it is no MCAP.
     """
 
     def __init__(self, path: str | os.PathLike[str], stream: IO[bytes], budget: UnpackBudget | None = None) -> None:
@@ -61,14 +102,9 @@ class Scanner:
         self.budget = UnpackBudget(path) if budget is None else budget
         self._stream = stream
         self._size = os.fstat(stream.fileno()).st_size
-        self._position = 0
+        self.position = 0
         self._hash = hashlib.sha256()
         self._crc = 0
-
-    @property
-    def position(self) -> int:
-        """The number of bytes read so far."""
-        return self._position
 
     @property
     def sha256(self) -> str:
@@ -87,12 +123,12 @@ class Scanner:
             self._verify_section(record, before)
             yield record
         if self._take(8) != MAGIC:
-            raise damage(self.path, self._position, "the end mark is missing")
+            raise damage(self.path, self.position, "the end mark is missing")
 
     def _next(self) -> Record:
-        position = self._position
+        position = self.position
         opcode, length = RECORD_HEADER.unpack(self._take(9))
-        if length > self.budget.piece and length <= self._size - self._position:
+        if length > self.budget.piece and length <= self._size - self.position:
             if opcode not in UNREAD and opcode in KNOWN:
                 raise self.budget.exceeded()
             for start in range(0, length, BLOCK):
@@ -101,13 +137,11 @@ class Scanner:
         return Record(position, opcode, self._take(length))
 
     def _take(self, count: int) -> bytes:
-        if count > self._size - self._position:
-            raise damage(self.path, self._position, "it ends early")
-        data = self._stream.read(count)
+        data = self._stream.read(count) if count <= self._size - self.position else b""
         if len(data) != count:
-            raise damage(self.path, self._position, "it ends early")
-        self._position += count
-        self.budget.reached(self._position)
+            raise damage(self.path, self.position, "it ends early")
+        self.position += count
+        self.budget.reached(self.position)
         self._hash.update(data)
         self._crc = zlib.crc32(data, self._crc)
         return data
@@ -138,6 +172,90 @@ def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError
         f"cut or damaged MCAP {path} at byte {position} ({reason(why)}): "
         f"save its intact messages with `inertia recover {path} -o NEW.mcap`"
     )
+
+
+def walk(data: bytes) -> Batch:
+    """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly."""
+    batch = Batch(data, {}, [], [])
+    offsets = batch.offsets
+    position, end = 0, len(data)
+    cycle: list[int] = []  # where the last messages begin, until one is like the first of them
+    wait = tries = 1
+    try:
+        while position < end:
+            opcode, length, channel = _MESSAGE_START(data, position)
+            if opcode == 5:
+                if length < MESSAGE_HEAD:
+                    raise ValueError("a chunk's records are damaged")
+                if cycle and data.startswith(data[cycle[0] : cycle[0] + HEAD], position):
+                    size, wait = position - cycle[0], wait - 1
+                    rounds = 1 if wait else _rounds(data, cycle, size)
+                    if rounds > 1:
+                        _add_rounds(batch, cycle, size, rounds)
+                    position, cycle = cycle[0] + rounds * size, []
+                    wait, tries = (wait, tries) if wait else (1, 1) if rounds > 1 else (2 * tries, 2 * tries)
+                    if rounds > 1:
+                        continue
+                if len(cycle) == LONGEST:
+                    cycle = []
+                cycle.append(position)
+                if channel in offsets:
+                    offsets[channel].append(position)
+                else:
+                    offsets[channel] = [position]
+            else:
+                cycle = []
+                _definition(batch, opcode, data[position + 9 : position + 9 + length])
+            position += 9 + length
+    except PARSE_ERRORS as error:
+        raise ValueError("a chunk's records are damaged") from error
+    if position != end:
+        raise ValueError("a chunk's last record is cut")
+    return batch
+
+
+def _add_rounds(batch: Batch, cycle: list[int], size: int, rounds: int) -> None:
+    """Add the messages of all rounds after the first."""
+    places: dict[int, list[int]] = {}
+    for place in cycle:
+        places.setdefault(_MESSAGE_START(batch.data, place)[2], []).append(place)
+    for channel, first in places.items():
+        if len(first) == 1:
+            batch.offsets[channel] += range(first[0] + size, first[0] + rounds * size, size)
+        else:
+            batch.offsets[channel] += [place + number * size for number in range(1, rounds) for place in first]
+
+
+def _rounds(data: bytes, cycle: list[int], size: int) -> int:
+    """Return the number of times that a cycle of messages follows itself, itself included.
+
+    To step from each to the next takes most of the time of reading; so it is done only where a cycle ends.
+    """
+    import numpy as np  # a recording begins without it
+
+    cycles = np.frombuffer(data, np.uint8, (len(data) - cycle[0]) // size * size, cycle[0]).reshape(-1, size)
+    heads = np.add.outer(np.array(cycle) - cycle[0], np.arange(HEAD)).ravel()
+    same = (cycles[:, heads] == cycles[0, heads]).all(axis=1)
+    return len(same) if same.all() else int(np.argmin(same))
+
+
+def _definition(batch: Batch, opcode: int, body: bytes) -> None:
+    if opcode == Opcode.SCHEMA:
+        batch.schemas.append(Schema.read(ReadDataStream(BytesIO(body))))
+    elif opcode == Opcode.CHANNEL:
+        batch.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
+    elif not opcode:
+        raise ValueError("no record has the opcode 0")
+    batch.others += 1
+    if batch.others > MOST_DEFINITIONS:
+        raise ValueError("a chunk defines too much")
+
+
+def message_at(data: bytes, offset: int) -> Message:
+    """Return the message whose record starts at ``offset`` of a chunk."""
+    _, length, channel, sequence, log_time, publish_time = MESSAGE.unpack_from(data, offset)
+    content = data[offset + MESSAGE.size : offset + RECORD_HEADER.size + length]
+    return Message(channel_id=channel, log_time=log_time, data=content, publish_time=publish_time, sequence=sequence)
 
 
 def chunk_data(record: Record, budget: UnpackBudget) -> bytes:
@@ -225,46 +343,37 @@ def is_sealed(record: Record) -> bool:
     return SEAL.encode() in record.body
 
 
-@dataclass
-class Definitions:
-    """Schemas and channels of a file by id, and its metadata records by name."""
-
-    schemas: dict[int, Schema]
-    channels: dict[int, Channel]
-    metadata: dict[str, dict[str, str]]
-
-
-def batches(scanner: Scanner, definitions: Definitions) -> Iterator[Batch]:
-    """The messages of a file, chunk by chunk; messages outside chunks come in batches of about a megabyte.
+def batches(
+    records: Iterable[Record], definitions: Definitions, budget: UnpackBudget, path: str | os.PathLike[str]
+) -> Iterator[Batch]:
+    """The messages of a file's records, chunk by chunk; those outside chunks come in batches of about a megabyte.
 
     Fills ``definitions`` on the way. Raises ``DamageError`` at the first damage, ``UnpackError`` beyond the limit.
     """
     loose = bytearray()
-    for record in scanner:
+    for record in records:
+        batch = None
         try:
             if record.opcode == Opcode.CHUNK:
-                yield _collect(chunk_batch(record, scanner.budget), definitions)
+                batch = chunk_batch(record, budget)
             elif record.opcode == Opcode.METADATA:
                 name, facts = metadata(record)
                 definitions.metadata[name] = facts
             elif record.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                _collect(walk(_framed(record)), definitions)
+                definitions.add(walk(_framed(record)))
             elif record.opcode == Opcode.MESSAGE:
                 loose += _framed(record)
-            if len(loose) > 2**20 or (loose and record.opcode == Opcode.DATA_END):
-                yield _collect(walk(bytes(loose)), definitions)
+            if len(loose) > BLOCK or (loose and record.opcode == Opcode.DATA_END):
+                batch = walk(bytes(loose))
                 loose.clear()
         except PARSE_ERRORS as error:
             if isinstance(error, RigError):
                 raise
-            raise damage(scanner.path, record.position, str(error) or type(error).__name__) from error
+            raise damage(path, record.position, str(error) or type(error).__name__) from error
+        if batch is not None:
+            definitions.add(batch)
+            yield batch
 
 
 def _framed(record: Record) -> bytes:
     return RECORD_HEADER.pack(record.opcode, len(record.body)) + record.body
-
-
-def _collect(batch: Batch, definitions: Definitions) -> Batch:
-    definitions.schemas |= {schema.id: schema for schema in batch.schemas}
-    definitions.channels |= {channel.id: channel for channel in batch.channels}
-    return batch

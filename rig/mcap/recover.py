@@ -11,7 +11,7 @@ import struct
 import zlib
 from array import array
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from itertools import chain
@@ -19,24 +19,29 @@ from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Statistics
 from mcap.writer import Writer
 
 from rig.atomic_files import refuse_existing, replacing
 from rig.exceptions import RigError
-from rig.mcap.record_batch import PARSE_ERRORS, Batch, walk
 from rig.mcap.records import (
     BLOCK,
     KNOWN,
     MAGIC,
+    PARSE_ERRORS,
     RECORD_HEADER,
     UNREAD,
+    Batch,
+    Definitions,
     Record,
     Scanner,
+    batches,
     chunk_batch,
     is_sealed,
+    message_at,
     metadata,
     seal,
+    walk,
 )
 from rig.mcap.writer import new_writer
 from rig.read_limits import UnpackBudget, UnpackError, require_file
@@ -86,8 +91,7 @@ class Recovery:
 class _IntactRecords:
     """The intact records of a damaged file. Chunks by position only: a file may be larger than the memory."""
 
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
+    definitions: Definitions = field(default_factory=Definitions)
     chunks: list[int] = field(default_factory=list)
     between: list[tuple[int, int]] = field(default_factory=list)  # position and opcode
     loose: array = field(default_factory=lambda: array("Q"))  # positions of the messages outside chunks
@@ -130,14 +134,22 @@ def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.Pat
         writer = new_writer(stream)
         for name, facts in _metadata(data, intact, trusted, result):
             writer.add_metadata(name, seal(name, facts))
-        copy, budget = _Copy(writer, intact), UnpackBudget(path, read=len(data))
+        channels, undefined = _registered(writer, intact.definitions), 0
+        budget = UnpackBudget(path, read=len(data))
         chunks = (chunk_batch(_record(data, at), budget) for at in intact.chunks)
         for batch in chain(chunks, _loose_batches(data, loose)):
-            result.messages += copy.batch(batch)
+            for position in sorted(chain(*batch.offsets.values())):
+                message = message_at(batch.data, position)
+                if message.channel_id not in channels:
+                    undefined += 1
+                    continue
+                number, sequence = channels[message.channel_id], message.sequence
+                writer.add_message(number, message.log_time, message.data, message.publish_time, sequence)
+                result.messages += 1
             result.chunks += 1
             writer.flush()
-        if copy.undefined:
-            result.notes.append(f"{copy.undefined} messages of topics whose definition is lost are left out")
+        if undefined:
+            result.notes.append(f"{undefined} messages of topics whose definition is lost are left out")
         facts = {"source": Path(path).name, "result": str(result)}
         writer.add_metadata("rig.mcap.recover", seal("rig.mcap.recover", facts))
         writer.finish()
@@ -149,11 +161,8 @@ def _is_intact(path: str | os.PathLike[str]) -> bool:
     try:
         with open(path, "rb") as stream:
             scanner = Scanner(path, stream)
-            for record in scanner:
-                if record.opcode == Opcode.CHUNK:
-                    chunk_batch(record, scanner.budget)
-                elif record.opcode == Opcode.METADATA:
-                    metadata(record)
+            for _ in batches(scanner, Definitions(), scanner.budget, path):
+                pass
     except UnpackError:
         raise
     except PARSE_ERRORS:
@@ -169,16 +178,19 @@ def _find_intact(data: mmap.mmap, budget: UnpackBudget) -> _IntactRecords:
             continue
         _between(data, position, match.start(), intact)
         intact.chunks.append(match.start())
-        intact.schemas |= {schema.id: schema for schema in batch.schemas}
-        intact.channels |= {channel.id: channel for channel in batch.channels}
+        intact.definitions.add(batch)
         position = match.start() + 9 + RECORD_HEADER.unpack_from(data, match.start())[1]
     _between(data, position, len(data) - (len(MAGIC) if intact.finished else 0), intact)
     return intact
 
 
+def _bytes(data: mmap.mmap, start: int) -> bytes:
+    """Return the whole record that starts here."""
+    return data[start : start + 9 + RECORD_HEADER.unpack_from(data, start)[1]]
+
+
 def _record(data: mmap.mmap, start: int) -> Record:
-    opcode, length = RECORD_HEADER.unpack_from(data, start)
-    return Record(start, opcode, data[start + 9 : start + 9 + length])
+    return Record(start, data[start], _bytes(data, start)[9:])
 
 
 def _chunk_at(data: mmap.mmap, start: int, budget: UnpackBudget) -> Batch | None:
@@ -221,31 +233,26 @@ def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -
 def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Recovery) -> None:
     """Definitions and counts from outside the chunks, where a checksum or an undamaged file vouches for them."""
     start = 0 if trusted else _verified_summary(data, intact)
+    outside, known = Definitions(), intact.definitions
     for position, opcode in intact.between:
-        if start is None or position < start or opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS):
-            continue
-        try:
-            stream = ReadDataStream(BytesIO(_record(data, position).body))
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                intact.schemas.setdefault(schema.id, schema)
-            elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(stream)
-                intact.channels.setdefault(channel.id, channel)
-            else:
+        with suppress(*PARSE_ERRORS):
+            if position >= start and opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                outside.add(walk(_bytes(data, position)))
+            elif position >= start and opcode == Opcode.STATISTICS:
+                stream = ReadDataStream(BytesIO(_record(data, position).body))
                 result.expected = Statistics.read(stream).message_count
-        except PARSE_ERRORS:
-            continue
+    known.schemas = outside.schemas | known.schemas
+    known.channels = outside.channels | known.channels
 
 
-def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int | None:
-    """Return the start of the summary, if its checksum is there and right."""
+def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int:
+    """Return the start of the summary, if its checksum is there and right; else the end of the file."""
     last, opcode = intact.between[-1] if intact.between else (0, 0)
     if opcode != Opcode.FOOTER or RECORD_HEADER.unpack_from(data, last)[1] != FOOTER.size:
-        return None
+        return len(data)
     start, _, expected = FOOTER.unpack_from(data, last + RECORD_HEADER.size)
     if not 0 < start <= last or expected != zlib.crc32(data[start : last + 25]):
-        return None
+        return len(data)
     return start
 
 
@@ -263,7 +270,7 @@ def _loose_batches(data: mmap.mmap, positions: Sequence[int]) -> Iterator[Batch]
     """Yield messages outside chunks in batches of about a megabyte."""
     together = bytearray()
     for position in positions:
-        together += data[position : position + 9 + RECORD_HEADER.unpack_from(data, position)[1]]
+        together += _bytes(data, position)
         if len(together) >= BLOCK or position == positions[-1]:
             yield walk(bytes(together))
             together.clear()
@@ -287,48 +294,15 @@ def _metadata(
             result.notes.append(f"metadata '{name}' is left out: it cannot be verified")
 
 
-_MESSAGE = struct.Struct("<BQHIQQ")
-
-
-class _Copy:
-    """Copies messages to a writer, with the channels they need."""
-
-    def __init__(self, writer: Writer, intact: _IntactRecords) -> None:
-        self._writer, self._intact = writer, intact
-        self._channels: dict[int, int] = {}
-        self._schemas: dict[int, int] = {}
-        self.undefined = 0
-
-    def batch(self, batch: Batch) -> int:
-        """Copy one chunk's messages; returns how many."""
-        positions = sorted(position for offsets in batch.offsets.values() for position in offsets)
-        count = 0
-        for position in positions:
-            _, length, channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(batch.data, position)
-            number = self._channel(channel)
-            if number is None:
-                self.undefined += 1
-                continue
-            data = batch.data[position + _MESSAGE.size : position + 9 + length]
-            self._writer.add_message(number, log_time, data, publish_time, sequence)
-            count += 1
-        return count
-
-    def _channel(self, number: int) -> int | None:
-        if number not in self._channels:
-            channel = self._intact.channels.get(number)
-            if channel is None or (channel.schema_id and channel.schema_id not in self._intact.schemas):
-                return None
-            schema = self._schema(channel.schema_id)
-            self._channels[number] = self._writer.register_channel(
-                channel.topic, channel.message_encoding, schema, channel.metadata
-            )
-        return self._channels[number]
-
-    def _schema(self, number: int) -> int:
-        if not number:
-            return 0
-        if number not in self._schemas:
-            schema = self._intact.schemas[number]
-            self._schemas[number] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
-        return self._schemas[number]
+def _registered(writer: Writer, definitions: Definitions) -> dict[int, int]:
+    """Announce every channel whose schema is there; returns their new numbers by the old."""
+    schemas = {0: 0}
+    for number, schema in definitions.schemas.items():
+        schemas[number] = writer.register_schema(schema.name, schema.encoding, schema.data)
+    return {
+        number: writer.register_channel(
+            channel.topic, channel.message_encoding, schemas[channel.schema_id], channel.metadata
+        )
+        for number, channel in definitions.channels.items()
+        if channel.schema_id in schemas
+    }

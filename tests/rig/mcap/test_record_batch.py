@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from rig.mcap.record_batch import HEAD, LONGEST, walk
+from rig.mcap.records import HEAD, LONGEST, walk
 
 
 def message(channel, size, filler=b"\x05"):
