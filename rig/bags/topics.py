@@ -22,7 +22,7 @@ from rig.read_limits import UnpackBudget
 
 PathLike = str | os.PathLike[str]
 Topics = Mapping[str, str | None]
-"""Per message type the one topic to take, or None for all."""
+"""The one topic to take of each message type, or None for all of the type."""
 
 
 class TopicMessages:
