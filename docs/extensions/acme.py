@@ -49,7 +49,7 @@ class Acme(Device):
         """A fresh parser."""
         return AcmeParser()
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Ask who it is, then start the samples."""
         model = yield from ask(b"?", lambda heard: heard[:-1].decode() if heard.endswith(b"\n") else None)
         yield Send(b"S")

@@ -97,7 +97,7 @@ class AtiParser(Parser):
         else:
             for start in range(0, len(buffer), RECORD.size):
                 self._accept(bytes(buffer[start : start + RECORD.size]), samples)
-        self._consume(len(buffer))
+        buffer.clear()
         while final and self._waiting:
             self._pass_gap(samples)
         return samples
@@ -111,12 +111,7 @@ class AtiParser(Parser):
         return [Sample(force + torque, time=time, counter=self._sequence(sequence), flagged=status != 0)]
 
     def _accept(self, frame: bytes, samples: list[Sample]) -> None:
-        counts = self.counts
-        self._done += len(frame)
-        counts.framed += len(frame)
-        counts.frames += 1
-        counts.resynchronisations += self._lost
-        self._synchronised, self._lost = True, False
+        self._count(frame)
         (sample,) = self.samples(frame)
         number = sample.counter or 0
         if self._place is None:
@@ -179,6 +174,7 @@ class AtiNetFt(Device):
 
     KIND = "ati-net-ft"
     MEASURES = "wrench"
+    END = request(STOP)
     BAUDRATE = 0
     FRAME_BYTES = RECORD.size
     NETWORK = "udp"
@@ -198,18 +194,16 @@ class AtiNetFt(Device):
             raise RigError("options 'counts_per_force' and 'counts_per_torque' of a Net F/T are numbers above 0")
         self._scale = tuple(1 / float(value) if isinstance(value, float | int) and value else 0.0 for value in declared)
         self._tick = 0.0
+        if not (self.configured or all(self._scale)):
+            raise RigError(MISSING)
 
     def parser(self) -> AtiParser:
         """A fresh parser, with the scale that the conversation has read."""
         force, torque = self._scale
         return AtiParser(force, torque, tick=self._tick)
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Ask for one sample, read the sensor's page, start the stream."""
-        if not self.options["configure"]:
-            if not all(self._scale):
-                raise RigError(MISSING)
-            return Identity(settings={"configured": "no"})
         yield from ask(request(STREAM, 1), find_record)
         page, _ = yield Inquire(80, PAGE)
         facts = dict(re.findall(r"<(\w+)>([^<>]*)</\1>", page.decode("utf-8", "replace")))
@@ -246,10 +240,6 @@ class AtiNetFt(Device):
         if re.search("[1-9]", facts.get("cfgtfx", "")):
             unit = facts.get("scfgtdu", "")
             yield f"its tool transform {facts['cfgtfx']} ({unit}) moves and turns the wrench: declare that as its place"
-
-    def stop(self) -> bytes:
-        """No more samples."""
-        return request(STOP) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "AtiEmulator":
         """Return an emulator of the sensor."""

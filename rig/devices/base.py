@@ -76,6 +76,7 @@ class Device(ABC):
     INQUIRIES: ClassVar[tuple[int, ...]] = ()  # its other TCP ports that the conversation asks
     ROBOT: ClassVar[bool] = False  # whether it may have turned and compensated the wrench: the rig file says how
     DECLARED: ClassVar[tuple[str, ...]] = ()  # options that a rig file must state
+    END: ClassVar[bytes] = b""  # bytes to send at the end: no more samples
     names: tuple[str, ...] = ()  # of the values of a device that measures neither wrench nor motion
 
     def __init__(self, **options: object) -> None:
@@ -121,14 +122,25 @@ class Device(ABC):
     def parser(self) -> Parser:
         """Return a fresh parser."""
 
+    @property
+    def configured(self) -> bool:
+        """Whether the device is asked and set up; not where the rig file says ``configure = false``."""
+        return bool(self.options.get("configure", True))
+
     def start(self) -> Conversation:
+        """Identify and configure the device and start its samples, or leave it as it is."""
+        if not self.configured:
+            return Identity(model=str(self.options.get("model", "")), settings={"configured": "no"})
+        return (yield from self.conversation())
+
+    def conversation(self) -> Conversation:
         """The conversation that identifies and configures the device and starts its samples."""
         return Identity()
         yield  # a generator that asks nothing
 
     def stop(self) -> bytes:
         """Return the bytes to send at the end."""
-        return b""
+        return self.END if self.configured else b""
 
     @abstractmethod
     def emulator(self, *, rate: float) -> Emulator:

@@ -59,6 +59,7 @@ class Bota(Device):
 
     KIND = "bota"
     MEASURES = "wrench"
+    END = b"C\n"
     BAUDRATE = 460800
     FRAME_BYTES = LENGTH
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 800.0, "configure": True}
@@ -66,17 +67,15 @@ class Bota(Device):
 
     def parser(self) -> BotaParser:
         """Return a fresh parser."""
-        return BotaParser(round(self.sinc * SINC_PERIOD * 1e9) if self.options["configure"] else 0)
+        return BotaParser(round(self.sinc * SINC_PERIOD * 1e9) if self.configured else 0)
 
     @property
     def sinc(self) -> int:
         """The filter length nearest to the wanted rate."""
         return max(1, min(65535, round(1 / (self.rate * SINC_PERIOD))))
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Configuration mode, binary frames, filter, run; the boot text identifies the sensor."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         heard = yield from self._configuration_mode()
         commands = [b"c,0,1,0,4", b"f,%d,0,0,1" % self.sinc, b"R"]
         for command in commands:
@@ -102,10 +101,6 @@ class Bota(Device):
 
         yield from ask(b"C\n", find, seconds=0.25, tries=int(self.SETTLING / 0.25))
         return heard
-
-    def stop(self) -> bytes:
-        """Back to configuration mode: no more frames."""
-        return b"C\n" if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "BotaEmulator":
         """Return an emulator of the sensor."""
@@ -142,13 +137,8 @@ class BotaEmulator(Emulator):
 
     def receive(self, data: bytes) -> bytes:
         """Acknowledge every command line; C stops the frames, R starts them."""
-        self._heard += data
-        answer = b""
-        while b"\n" in self._heard:
-            line, _, rest = bytes(self._heard).partition(b"\n")
-            self._heard = bytearray(rest)
-            answer += self._line(line.strip())
-        return answer
+        *lines, self._heard = (self._heard + data).split(b"\n")
+        return b"".join(self._line(bytes(line).strip()) for line in lines)
 
     def _line(self, line: bytes) -> bytes:
         letter = line[:1]

@@ -86,7 +86,7 @@ class LineParser(Parser):
             self._reject(rest, cut=final)
             self._at_start = False
             position = len(buffer)
-        self._consume(position)
+        del buffer[:position]
         return samples
 
     def samples(self, frame: bytes) -> list[Sample]:

@@ -88,28 +88,12 @@ class MipParser(Parser):
         return [Sample(struct.unpack(">3f", rate) + specific_force, time=nanoseconds)]
 
 
-def find_field(data: bytes, descriptor_set: int, descriptor: int) -> bytes | None:
-    """The data of the first such field in an intact packet."""
-    start = data.find(b"\x75\x65")
-    while start >= 0:
-        end = start + 6 + (data[start + 3] if len(data) > start + 3 else 255)
-        frame = data[start:end]
-        if len(frame) == end - start and frame[-2:] == fletcher(frame[:-2]) and frame[2] == descriptor_set:
-            data_of = dict(fields(frame[4:-2]) or [])
-            if descriptor in data_of:
-                return data_of[descriptor]
-        start = data.find(b"\x75\x65", start + 1)
-    return None
-
-
-def _acknowledged(descriptor_set: int, command: int, data: bytes) -> int | None:
-    """The error code of the acknowledgement of this command."""
-    start = 0
-    while (start := data.find(b"\x75\x65", start)) >= 0:
-        answer = find_field(data[start:], descriptor_set, ACK)
-        if answer is not None and len(answer) == 2 and answer[0] == command:
-            return answer[1]
-        start += 1
+def find_field(data: bytes, descriptor_set: int, descriptor: int, start: bytes = b"") -> bytes | None:
+    """The data of the first such field in an intact packet, of those that begin with ``start``."""
+    for frame in MipParser().frames(data):
+        for number, content in fields(frame[4:-2]) or []:
+            if (frame[2], number) == (descriptor_set, descriptor) and content.startswith(start):
+                return content
     return None
 
 
@@ -118,18 +102,17 @@ class MicroStrain(Device):
 
     KIND = "microstrain"
     MEASURES = "imu"
+    END = packet(BASE, field(IDLE))
     BAUDRATE = 115200
     FRAME_BYTES = 54
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
 
     def parser(self) -> MipParser:
         """Return a fresh parser."""
-        return MipParser(round(1e9 / self.rate) if self.options["configure"] else 0)
+        return MipParser(round(1e9 / self.rate) if self.configured else 0)
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Idle, who are you, base rate, message format and read it back, stream on, resume."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         yield from self._command(BASE, IDLE)
         info = yield from ask(packet(BASE, field(INFO)), lambda d: find_field(d, BASE, 0x81))
         command = packet(FORMAT, field(BASE_RATE, bytes([DATA])))
@@ -146,9 +129,9 @@ class MicroStrain(Device):
 
     def _command(self, descriptor_set: int, command: int, data: bytes = b"") -> Conversation:
         sent = packet(descriptor_set, field(command, data))
-        code = yield from ask(sent, lambda d: _acknowledged(descriptor_set, command, d))
-        if code != 0:
-            raise RigError(f"the sensor refuses command {descriptor_set:02X} {command:02X} with error {code}")
+        answer = yield from ask(sent, lambda d: find_field(d, descriptor_set, ACK, bytes([command])))
+        if answer[1:] != b"\0":
+            raise RigError(f"the sensor refuses command {descriptor_set:02X} {command:02X} with error {answer[-1]}")
         return Identity()
 
     def _identity(self, info: bytes, base_rate: int, decimation: int, confirmed: bool) -> Identity:
@@ -165,10 +148,6 @@ class MicroStrain(Device):
             settings={"base_rate_hz": str(base_rate), "decimation": str(decimation), "rate_hz": f"{rate:g}"},
             warnings=tuple(warnings),
         )
-
-    def stop(self) -> bytes:
-        """Ask for idle, so that no more data comes."""
-        return packet(BASE, field(IDLE)) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "MicroStrainEmulator":
         """Return an emulator of the sensor."""

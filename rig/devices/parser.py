@@ -1,7 +1,7 @@
 """The conversion of a stream of bytes to samples that all parsers share, whatever the device. No I/O."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -92,6 +92,15 @@ class Parser(ABC):
     def samples(self, frame: bytes) -> Iterable[Sample]:
         """The samples of one intact frame."""
 
+    def frames(self, data: bytes) -> Iterator[bytes]:
+        """The intact frames in these bytes, for who looks for an answer; nothing is counted."""
+        buffer, position = bytearray(data), 0
+        while (position := self._find(buffer, position)) < len(buffer):
+            length = max(self.frame_length(buffer, position), 0)
+            if length:
+                yield bytes(buffer[position : position + length])
+            position += length or 1
+
     @property
     def pending(self) -> int:
         """The number of bytes that wait for the rest of their frame."""
@@ -133,7 +142,7 @@ class Parser(ABC):
             else:
                 self._reject(cut=length == WAIT)
                 position += 1
-        self._consume(position)
+        del buffer[:position]
         return samples
 
     def _find(self, buffer: bytearray, position: int) -> int:
@@ -150,13 +159,16 @@ class Parser(ABC):
         self.counts.failures += self._synchronised and not cut
         self._skip(count)
 
+    def _count(self, frame: bytes) -> None:
+        self._done += len(frame)
+        self.counts.framed += len(frame)
+        self.counts.frames += 1
+        self.counts.resynchronisations += self._lost
+        self._synchronised, self._lost = True, False
+
     def _accept(self, frame: bytes, samples: list[Sample]) -> None:
         counts = self.counts
-        self._done += len(frame)
-        counts.framed += len(frame)
-        counts.frames += 1
-        counts.resynchronisations += self._lost
-        self._synchronised, self._lost = True, False
+        self._count(frame)
         for sample in self.samples(frame):
             counts.samples += 1
             counts.flagged += sample.flagged
@@ -196,9 +208,6 @@ class Parser(ABC):
         self.counts.missing += max(0, step - 1)
         self._counter += step
         return self._counter
-
-    def _consume(self, count: int) -> None:
-        del self._buffer[:count]
 
 
 class Unwrapper:

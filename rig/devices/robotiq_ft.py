@@ -91,6 +91,7 @@ class RobotiqFt(Device):
 
     KIND = "robotiq-ft"
     MEASURES = "wrench"
+    END = END_OF_STREAM
     BAUDRATE = 19200
     FRAME_BYTES = LENGTH
     OPTIONS: ClassVar[dict[str, object]] = {"configure": True}
@@ -104,10 +105,8 @@ class RobotiqFt(Device):
         """Return a fresh parser."""
         return RobotiqParser()
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """End the stream, wait until the line is quiet, ask who it is, start the stream."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         yield Send(END_OF_STREAM)
         for _ in range(10):
             heard, _ = yield Listen(0.1)
@@ -123,10 +122,6 @@ class RobotiqFt(Device):
             firmware=f"{_text(firmware[:3])}-{'.'.join(str(number) for number in firmware[3:6])}",
             settings={"production_year": str(int.from_bytes(year, "big"))},
         )
-
-    def stop(self) -> bytes:
-        """No more samples."""
-        return END_OF_STREAM if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "RobotiqEmulator":
         """Return an emulator of the sensor."""

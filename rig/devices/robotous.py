@@ -46,19 +46,7 @@ def encode(
 
 def find_reply(data: bytes, number: int) -> bytes | None:
     """D2..D16 of the first intact reply with this id."""
-    start = data.find(b"\x55")
-    while start >= 0:
-        frame = data[start : start + LENGTH]
-        if _intact(frame) and frame[1] == number:
-            return frame[2:17]
-        start = data.find(b"\x55", start + 1)
-    return None
-
-
-def _intact(frame: bytes | bytearray) -> bool:
-    if len(frame) != LENGTH or frame[18] != 0xAA or frame[1] not in KNOWN:
-        return False
-    return sum(frame[1:17]) & 0xFF == frame[17]
+    return next((frame[2:17] for frame in RobotousParser().frames(data) if frame[1] == number), None)
 
 
 class RobotousParser(Parser):
@@ -72,9 +60,11 @@ class RobotousParser(Parser):
 
     def frame_length(self, buffer: bytearray, start: int) -> int:
         """19 where delimiters, id and sum agree."""
-        if len(buffer) - start < LENGTH:
+        frame = buffer[start : start + LENGTH]
+        if len(frame) < LENGTH:
             return WAIT
-        return LENGTH if _intact(buffer[start : start + LENGTH]) else NO_FRAME
+        intact = frame[18] == 0xAA and frame[1] in KNOWN and sum(frame[1:17]) & 0xFF == frame[17]
+        return LENGTH if intact else NO_FRAME
 
     def samples(self, frame: bytes) -> list[Sample]:
         """The sample of a reply with id 10 or 11."""
@@ -94,6 +84,7 @@ class Robotous(Device):
 
     KIND = "robotous"
     MEASURES = "wrench"
+    END = command(STOP)
     BAUDRATE = 115200
     FRAME_BYTES = LENGTH
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 200.0, "model": "", "configure": True}
@@ -108,10 +99,8 @@ class Robotous(Device):
         """A fresh parser with the torque scale of the model."""
         return RobotousParser(1000.0 if self._model.startswith(COARSE_MODELS) else 2000.0)
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Stop, ask model, serial number, firmware, filter; set the rate and read it back; start."""
-        if not self.options["configure"]:
-            return Identity(model=self._model, settings={"configured": "no"})
         answers = []
         for number in (MODEL, SERIAL, FIRMWARE, GET_FILTER):
             stop = command(STOP) if number == MODEL else b""
@@ -136,10 +125,6 @@ class Robotous(Device):
         if rate_code != wanted:
             warnings.append(f"rate code {rate_code} read back, {wanted} was set: the baud rate may be too low")
         return tuple(warnings)
-
-    def stop(self) -> bytes:
-        """No more samples."""
-        return command(STOP) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "RobotousEmulator":
         """Return an emulator of the sensor."""

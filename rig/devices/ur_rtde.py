@@ -15,6 +15,9 @@ from collections.abc import Callable, Generator, Iterator
 from functools import partial
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rig.devices.base import WRENCH, Channel, Device, Emulator
 from rig.devices.conversation import Conversation, Heard, Identity, Inquire, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
@@ -37,9 +40,10 @@ WIDTH = {
 TYPES = {1: "DOUBLE", 3: "VECTOR3D", 6: "VECTOR6D"}
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 """Names of the joints in the robots' public URDFs, without their suffix ``_joint``."""
+MOST = 1e9
+"""Largest time [s] and coordinate [m, rad] of a robot's pose; beyond it a package is none."""
 DASHBOARD = 29999
 WHO = b"get robot model\nget serial number\nquit\n"
-Rotation = tuple[tuple[float, float, float], ...]
 
 
 def package(kind: int, content: bytes = b"") -> bytes:
@@ -63,28 +67,19 @@ def find_package(data: bytes, kind: int) -> bytes | None:
     return next((content for number, content in packages(data) if number == kind), None)
 
 
-def rotation(x: float, y: float, z: float) -> Rotation:
-    """The rotation matrix of a rotation vector [rad] (Rodrigues)."""
-    angle = math.sqrt(x * x + y * y + z * z)
+def rotation(x: float, y: float, z: float) -> NDArray[np.float64]:
+    """The rotation matrix (3, 3) of a rotation vector [rad] (Rodrigues)."""
+    angle = math.hypot(x, y, z)
     a = math.sin(angle) / angle if angle > 1e-9 else 1.0
     b = (1 - math.cos(angle)) / angle**2 if angle > 1e-9 else 0.5
-    c = math.cos(angle)
-    return (
-        (c + b * x * x, b * x * y - a * z, b * x * z + a * y),
-        (b * x * y + a * z, c + b * y * y, b * y * z - a * x),
-        (b * x * z - a * y, b * y * z + a * x, c + b * z * z),
-    )
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + a * cross + b * cross @ cross
 
 
-def turned(matrix: Rotation, vector: tuple[float, ...]) -> tuple[float, ...]:
-    """The matrix times the vector."""
-    return tuple(sum(m * v for m, v in zip(row, vector, strict=True)) for row in matrix)
-
-
-def transposed(matrix: Rotation) -> Rotation:
-    """The matrix with rows for columns."""
-    (a, b, c), (d, e, f), (g, h, i) = matrix
-    return ((a, d, g), (b, e, h), (c, f, i))
+def turned(matrix: NDArray[np.float64], wrench: tuple[float, ...]) -> tuple[float, ...]:
+    """The matrix times force and moment, whatever numbers these are."""
+    with np.errstate(all="ignore"):
+        return tuple((np.reshape(wrench, (2, 3)) @ matrix.T).ravel().tolist())
 
 
 class RtdeParser(Parser):
@@ -92,7 +87,7 @@ class RtdeParser(Parser):
 
     def __init__(self, device: "UrRtde", recipe: int, period: int) -> None:
         super().__init__(period)
-        self._width, self._turns = device.width, device.turns
+        self._width = device.width
         self._numbers = struct.Struct(f">{1 + device.width + 6 * device.turns}d")
         self._head = package(DATA, bytes([recipe]) + bytes(self._numbers.size))[:4]
 
@@ -118,13 +113,11 @@ class RtdeParser(Parser):
         if frame[2] != DATA:
             return []
         time, *numbers = self._numbers.unpack_from(frame, 4)
-        if not math.isfinite(time):
+        values, pose = tuple(numbers[: self._width]), numbers[self._width :]
+        if not all(abs(number) < MOST for number in (time, *pose)):  # so written that NaN is none
             return []
-        values = tuple(numbers)
-        if self._turns:
-            *_, x, y, z = values
-            back = transposed(rotation(x, y, z))
-            values = turned(back, values[:3]) + turned(back, values[3:6]) + values[6 : self._width]
+        if pose:
+            values = turned(rotation(*pose[3:]).T, values[:6]) + values[6:]
         return [Sample(values, time=round(time * 1e9))]
 
 
@@ -137,6 +130,7 @@ class UrRtde(Device):
 
     KIND = "ur-rtde"
     MEASURES = "wrench"
+    END = package(PAUSE)
     BAUDRATE = 0
     FRAME_BYTES = 0
     NETWORK = "tcp"
@@ -191,7 +185,7 @@ class UrRtde(Device):
         """A fresh parser, for the recipe that the robot gave."""
         return RtdeParser(self, self._recipe, round(1e9 / self.rate))
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Version 2, who it is, the outputs, start."""
         accepted = yield from _ask(VERSION, struct.pack(">H", 2))
         if accepted != b"\1":
@@ -230,10 +224,6 @@ class UrRtde(Device):
         if not answer or types != [TYPES[WIDTH[name]] for name in self.outputs]:
             raise RigError(f"the robot sends its outputs as {quoted(','.join(types))}: its software is not known here")
         self._recipe = answer[0]
-
-    def stop(self) -> bytes:
-        """No more data."""
-        return package(PAUSE)
 
     def emulator(self, *, rate: float) -> "RtdeEmulator":
         """Return an emulator of the robot."""
@@ -284,7 +274,6 @@ class RtdeEmulator(Emulator):
         pose: tuple[float, ...] = ()
         if self._device.turns:
             pose = (0.0, 0.0, 0.0, 0.4 * math.sin(time), 0.3, -0.2)
-            matrix = rotation(*pose[3:])
-            values = turned(matrix, values[:3]) + turned(matrix, values[3:6]) + values[6:]
+            values = turned(rotation(*pose[3:]), values[:6]) + values[6:]
         numbers = (time, *values, *pose)
         return package(DATA, b"\1" + struct.pack(f">{len(numbers)}d", *numbers))

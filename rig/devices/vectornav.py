@@ -113,6 +113,7 @@ class VectorNav(Device):
 
     KIND = "vectornav"
     MEASURES = "imu"
+    END = sentence("VNWRG,75,0,8,01,0001")
     BAUDRATE = 115200
     FRAME_BYTES = 38
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "mask": OUTPUT, "configure": True}
@@ -128,12 +129,10 @@ class VectorNav(Device):
 
     def parser(self) -> VectorNavParser:
         """Return a fresh parser."""
-        return VectorNavParser(self._mask, round(1e9 / self.rate) if self.options["configure"] else 0)
+        return VectorNavParser(self._mask, round(1e9 / self.rate) if self.configured else 0)
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """No ASCII output, who are you, binary output and what it became."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         yield from register("WRG,06,0")
         facts = yield from identify()
         divisor = max(1, round(BASE_RATE / self.rate))
@@ -142,10 +141,6 @@ class VectorNav(Device):
         rate = BASE_RATE / divisor
         warnings = () if abs(rate - self.rate) < 0.01 * self.rate else (f"it sends {rate:g} Hz, not {self.rate:g} Hz",)
         return Identity(*facts, settings={"binary_output": ",".join(settings)}, warnings=warnings)
-
-    def stop(self) -> bytes:
-        """No more binary output."""
-        return sentence("VNWRG,75,0,8,01,0001") if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "VectorNavEmulator":
         """Return an emulator of the sensor."""
@@ -163,14 +158,9 @@ class VectorNavEmulator(Emulator):
 
     def receive(self, data: bytes) -> bytes:
         """Answer every sentence with itself, or with what the register holds."""
-        self._heard += data
-        answer = b""
-        while b"\n" in self._heard:
-            line, _, rest = bytes(self._heard).partition(b"\n")
-            self._heard = bytearray(rest)
-            text = line.partition(b"$")[2].partition(b"*")[0].decode("ascii", "replace")
-            answer += self._answer(text) if text.startswith("VN") else b""
-        return answer
+        *lines, self._heard = (self._heard + data).split(b"\n")
+        texts = [line.partition(b"$")[2].partition(b"*")[0].decode("ascii", "replace") for line in lines]
+        return b"".join(self._answer(text) for text in texts if text.startswith("VN"))
 
     def _answer(self, text: str) -> bytes:
         command, _, rest = text.partition(",")

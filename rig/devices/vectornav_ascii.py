@@ -51,6 +51,7 @@ class VectorNavAscii(Device):
     KIND = "vectornav-ascii"
     ASKED = False  # the same sensor as `vectornav`
     MEASURES = "imu"
+    END = sentence("VNWRG,06,0")
     BAUDRATE = 115200
     FRAME_BYTES = 118
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 40.0, "configure": True}
@@ -59,19 +60,13 @@ class VectorNavAscii(Device):
         """Return a fresh parser."""
         return VectorNavAsciiParser()
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Ask for the device's identity, and set its output VNYMR and its rate."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         yield from register("WRG,06,0")
         facts = yield from identify()
         rate = yield from register(f"WRG,07,{round(self.rate)}")
         output = yield from register("WRG,06,14")
         return Identity(*facts, settings={"async_output": ",".join(output), "rate_hz": ",".join(rate)})
-
-    def stop(self) -> bytes:
-        """No more output."""
-        return sentence("VNWRG,06,0") if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "VectorNavAsciiEmulator":
         """Return an emulator of the sensor."""

@@ -127,14 +127,7 @@ def payload(frame: bytes) -> dict[int, bytes]:
 
 def find_message(data: bytes, mid: int) -> bytes | None:
     """The payload of the first intact message with this id."""
-    start = data.find(bytes([0xFA, 0xFF, mid]))
-    while start >= 0:
-        length = data[start + 3] if len(data) > start + 3 else 255
-        frame = data[start : start + 5 + length]
-        if len(frame) == 5 + length and not sum(frame[1:]) & 0xFF:
-            return frame[4:-1]
-        start = data.find(bytes([0xFA, 0xFF, mid]), start + 1)
-    return None
+    return next((frame[4:-1] for frame in XsensParser().frames(data) if frame[2] == mid), None)
 
 
 class Xsens(Device):
@@ -142,6 +135,7 @@ class Xsens(Device):
 
     KIND = "xsens"
     MEASURES = "imu"
+    END = message(GOTO_CONFIG)
     BAUDRATE = 115200
     FRAME_BYTES = 53
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
@@ -150,10 +144,8 @@ class Xsens(Device):
         """Return a fresh parser."""
         return XsensParser()
 
-    def start(self) -> Conversation:
+    def conversation(self) -> Conversation:
         """Configuration state, who are you, output configuration and what it became, measurement state."""
-        if not self.options["configure"]:
-            return Identity(settings={"configured": "no"})
         yield from ask(message(GOTO_CONFIG), lambda d: find_message(d, 0x31), tries=6)
         serial = yield from ask(message(REQUEST_ID), lambda d: find_message(d, DEVICE_ID))
         product = yield from ask(message(REQUEST_PRODUCT), lambda d: find_message(d, PRODUCT))
@@ -179,10 +171,6 @@ class Xsens(Device):
         rate = round(self.rate)
         pairs = [(COUNTER, 0xFFFF), (TIME_FINE, 0xFFFF), (ACCELERATION, rate), (RATE, rate), (STATUS, 0xFFFF)]
         return b"".join(struct.pack(">HH", *pair) for pair in pairs)
-
-    def stop(self) -> bytes:
-        """Back to the configuration state: no more data."""
-        return message(GOTO_CONFIG) if self.options["configure"] else b""
 
     def emulator(self, *, rate: float) -> "XsensEmulator":
         """Return an emulator of the sensor."""

@@ -68,6 +68,14 @@ def test_a_wrench_along_the_base_is_turned_to_the_tool(vector):
     assert device.outputs[-1] == "actual_TCP_pose"
 
 
+@pytest.mark.parametrize("angle", [np.inf, np.nan, 1e300])
+def test_a_pose_that_is_none_gives_no_sample(angle):
+    parser = robot(wrench_frame="base").parser()
+    package = hand_made(2.0, [np.inf] * 6, [0.5] * JOINTS, (0.1, 0.2, 9.8), (7, 8, 9, angle, 0, 0))
+    assert parser.feed(package) == []
+    assert parser.counts.frames == 1
+
+
 def test_the_emulated_robot_turns_its_wrench_as_the_parser_undoes():
     device = robot(wrench_frame="base")
     values = tuple(0.25 * i for i in range(device.width))
