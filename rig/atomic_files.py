@@ -10,10 +10,12 @@ from typing import IO
 from rig.exceptions import RigError
 
 
-def refuse_existing(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Raise ``RigError`` when there is something at ``path`` and it may not be overwritten."""
+def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Raise ``RigError`` when there is something at ``path`` that may not be overwritten, or no folder for it."""
     if not overwrite and os.path.lexists(path):
         raise RigError(f"output exists {path}: choose another name, recorded runs are never overwritten")
+    if not Path(path).parent.is_dir():
+        raise RigError(f"no folder {Path(path).parent}: create it first")
 
 
 @contextmanager
@@ -24,10 +26,8 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
         RigError: ``path`` exists and ``overwrite`` is False.
         OSError: the folder is missing or cannot be written.
     """
-    refuse_existing(path, overwrite=overwrite)
+    check_output(path, overwrite=overwrite)
     target = Path(path)
-    if not target.parent.is_dir():
-        raise RigError(f"no folder {target.parent}: create it first")
     handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     try:
         with naming(target), os.fdopen(handle, "wb") as stream:
@@ -60,9 +60,9 @@ def publish(temporary: str | os.PathLike[str], target: Path, *, overwrite: bool 
     try:
         os.link(temporary, target)
     except FileExistsError:
-        refuse_existing(target)
+        check_output(target)
     except OSError:  # a file system without hard links
-        refuse_existing(target)
+        check_output(target)
         os.replace(temporary, target)
         return
     os.unlink(temporary)

@@ -6,42 +6,10 @@ import select
 import socket
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 HOST = "127.0.0.1"
 LARGEST = 65536
 PATIENCE = 0.2  # seconds that a question on another port may take to arrive
-
-
-class Endpoint(Protocol):
-    """The device's end of a line that can be unplugged."""
-
-    @property
-    def port(self) -> str:
-        """Name of the port by which a recorder finds the endpoint."""
-
-    @property
-    def present(self) -> bool:
-        """Whether the device is plugged in."""
-
-    @property
-    def opened(self) -> bool:
-        """Whether somebody listens to the endpoint."""
-
-    def plug(self) -> None:
-        """Make it, under the same name as before."""
-
-    def unplug(self) -> None:
-        """Take it away."""
-
-    def forget(self) -> None:
-        """Discard what the last listener left unread."""
-
-    def read(self) -> bytes:
-        """Return the bytes that were sent to the device."""
-
-    def write(self, data: bytes) -> int:
-        """Send what the line takes; returns how much that was."""
 
 
 class Pty:
@@ -97,14 +65,14 @@ class Pty:
         """Return the bytes that were sent to the device."""
         try:
             return os.read(self.master, 4096)
-        except (BlockingIOError, OSError):
+        except OSError:
             return b""
 
     def write(self, data: bytes) -> int:
         """Send what the terminal takes; returns how much that was."""
         try:
             return os.write(self.master, data)
-        except (BlockingIOError, OSError):
+        except OSError:
             return 0
 
 
@@ -119,7 +87,6 @@ class UdpEndpoint:
         self._size, self._lose, self._swap = size, lose, swap
         self._number, self._count, self._late = 0, 0, b""
         self._peer: tuple[str, int] | None = None
-        self._socket: socket.socket | None = None
         self.plug()
 
     @property
@@ -130,13 +97,13 @@ class UdpEndpoint:
     @property
     def present(self) -> bool:
         """Whether the device is plugged in."""
-        return self._socket is not None
+        return self._socket.fileno() >= 0
 
     @property
     def opened(self) -> bool:
         """Whether somebody has sent the endpoint anything."""
-        if self._socket is not None and self._peer is None:
-            with contextlib.suppress(BlockingIOError, OSError):
+        if self._peer is None:
+            with contextlib.suppress(OSError):
                 self._peer = self._socket.recvfrom(LARGEST, socket.MSG_PEEK)[1]
         return self._peer is not None
 
@@ -149,18 +116,15 @@ class UdpEndpoint:
 
     def unplug(self) -> None:
         """Take it away."""
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = self._peer = None
+        self._socket.close()
+        self._peer = None
 
     def forget(self) -> None:
         """A datagram that nobody reads is gone anyway."""
 
     def read(self) -> bytes:
         """The last command."""
-        if self._socket is None:
-            return b""
-        with contextlib.suppress(BlockingIOError, OSError):
+        with contextlib.suppress(OSError):
             data, self._peer = self._socket.recvfrom(LARGEST)
             self._count = 0
             return data
@@ -168,6 +132,8 @@ class UdpEndpoint:
 
     def write(self, data: bytes) -> int:
         """Send every datagram, or lose it on the way."""
+        if self._peer is None:
+            return 0
         for start in range(0, len(data), self._size):
             self._count += 1
             datagram = data[start : start + self._size]
@@ -176,16 +142,11 @@ class UdpEndpoint:
             if self._swap and self._count % self._swap == 0:
                 self._late = datagram
                 continue
-            self._send(datagram)
-            if self._late:
-                self._send(self._late)
-                self._late = b""
+            for sent in filter(None, (datagram, self._late)):
+                with contextlib.suppress(OSError):
+                    self._socket.sendto(sent, self._peer)
+            self._late = b""
         return len(data)
-
-    def _send(self, datagram: bytes) -> None:
-        if self._socket is not None and self._peer is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(datagram, self._peer)
 
 
 class TcpEndpoint:
@@ -193,8 +154,8 @@ class TcpEndpoint:
 
     def __init__(self) -> None:
         self._number = 0
-        self._listener: socket.socket | None = None
-        self._client: socket.socket | None = None
+        self._client = socket.socket()  # of nobody yet
+        self._client.close()
         self.plug()
 
     @property
@@ -205,17 +166,17 @@ class TcpEndpoint:
     @property
     def present(self) -> bool:
         """Whether the device is plugged in."""
-        return self._listener is not None
+        return self._listener.fileno() >= 0
 
     @property
     def opened(self) -> bool:
         """Whether the endpoint has a client."""
-        if self._listener is not None and self._client is None:
-            with contextlib.suppress(BlockingIOError, OSError):
+        if self._client.fileno() < 0:
+            with contextlib.suppress(OSError):
                 self._client = self._listener.accept()[0]
                 self._client.setblocking(False)
                 self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return self._client is not None
+        return self._client.fileno() >= 0
 
     def plug(self) -> None:
         """Listen, under the same number as before."""
@@ -225,23 +186,14 @@ class TcpEndpoint:
 
     def unplug(self) -> None:
         """Take it away."""
-        self._hang_up()
-        if self._listener is not None:
-            self._listener.close()
-        self._listener = None
-
-    def _hang_up(self) -> None:
-        if self._client is not None:
-            self._client.close()
-        self._client = None
+        self._client.close()
+        self._listener.close()
 
     def forget(self) -> None:
         """The connection took it along."""
 
     def read(self) -> bytes:
         """Return the bytes that were sent to the device; notices that the client has gone."""
-        if self._client is None:
-            return b""
         try:
             data = self._client.recv(LARGEST)
         except BlockingIOError:
@@ -249,20 +201,22 @@ class TcpEndpoint:
         except OSError:
             data = b""
         if not data:
-            self._hang_up()
+            self._client.close()
         return data
 
     def write(self, data: bytes) -> int:
         """Send what the connection takes."""
-        if self._client is None:
-            return 0
         try:
             return self._client.send(data)
         except BlockingIOError:
             return 0
         except OSError:
-            self._hang_up()
+            self._client.close()
             return 0
+
+
+Endpoint = Pty | UdpEndpoint | TcpEndpoint
+"""The device's end of a line that can be unplugged."""
 
 
 class OtherPort:

@@ -22,7 +22,7 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 from mcap.writer import Writer
 
-from rig.atomic_files import refuse_existing, replacing
+from rig.atomic_files import check_output, replacing
 from rig.exceptions import RigError
 from rig.mcap.records import (
     BLOCK,
@@ -111,7 +111,7 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
         RigError: the output exists, the file is damaged and holds no intact message, or it unpacks to too much.
         OSError: a file cannot be opened or written.
     """
-    refuse_existing(output)
+    check_output(output)
     require_file(path)
     with open(path, "rb") as stream:
         if os.fstat(stream.fileno()).st_size < len(MAGIC):

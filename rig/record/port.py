@@ -35,7 +35,7 @@ class Port(Protocol):
         """Return the bytes that have arrived; waits up to TIMEOUT for the first byte. Raises PortLostError."""
 
     def write(self, data: bytes) -> None:
-        """Send these bytes. Raises PortLostError. Raises PortLostError."""
+        """Send these bytes. Raises PortLostError."""
 
     def close(self) -> None:
         """Give the port back."""
@@ -84,7 +84,26 @@ class SerialPort:
         self._port.close()
 
 
-class UdpPort:
+class _SocketPort:
+    """A port behind a socket."""
+
+    _socket: socket.socket
+
+    def _receive(self) -> bytes | None:
+        """Return the bytes that have come, or None where none do within TIMEOUT."""
+        try:
+            return self._socket.recv(LARGEST_READ)
+        except TimeoutError:
+            return None
+        except OSError as error:
+            raise PortLostError(_said(error)) from error
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+
+class UdpPort(_SocketPort):
     """Datagrams that arrive at a local port; each is made to end in a line end."""
 
     def __init__(self, number: int) -> None:
@@ -98,20 +117,11 @@ class UdpPort:
 
     def read(self) -> bytes:
         """The next datagram."""
-        try:
-            data = self._socket.recv(LARGEST_READ)
-        except TimeoutError:
-            return b""
-        except OSError as error:
-            raise PortLostError(str(error)) from error
-        return data if data.endswith(b"\n") else data + b"\n"
+        data = self._receive()
+        return b"" if data is None else data.removesuffix(b"\n") + b"\n"
 
     def write(self, data: bytes) -> None:
         """There is nobody to answer."""
-
-    def close(self) -> None:
-        """Give the port back."""
-        self._socket.close()
 
 
 class Address(NamedTuple):
@@ -136,7 +146,7 @@ class Address(NamedTuple):
         return address
 
 
-class NetworkPort:
+class NetworkPort(_SocketPort):
     """A device on the network, by UDP (a read is one datagram) or TCP."""
 
     def __init__(self, address: Address) -> None:
@@ -160,19 +170,13 @@ class NetworkPort:
 
     def read(self) -> bytes:
         """Return what has arrived: one datagram, or the bytes of the connection."""
-        try:
-            data = self._socket.recv(LARGEST_READ)
-        except TimeoutError:
-            self._quiet += TIMEOUT
-            if self._quiet > QUIET:
-                raise PortLostError(f"nothing for {QUIET:g} s") from None
-            return b""
-        except OSError as error:
-            raise PortLostError(_said(error)) from error
-        if not data and self._address.scheme == "tcp":
+        data = self._receive()
+        self._quiet = self._quiet + TIMEOUT if data is None else 0.0
+        if self._quiet > QUIET:
+            raise PortLostError(f"nothing for {QUIET:g} s")
+        if data == b"" and self._address.scheme == "tcp":
             raise PortLostError("it hung up")
-        self._quiet = 0.0
-        return data
+        return data or b""
 
     def write(self, data: bytes) -> None:
         """Send, over UDP as one datagram."""
@@ -180,10 +184,6 @@ class NetworkPort:
             self._socket.sendall(data)
         except OSError as error:
             raise PortLostError(_said(error)) from error
-
-    def close(self) -> None:
-        """Give the port back."""
-        self._socket.close()
 
     def inquire(self, number: int, data: bytes) -> bytes:
         """The answer of the device's other TCP port ``number``, until that side closes; empty where there is none."""

@@ -205,8 +205,7 @@ class Recorder:
             channels, signal = self._outputs[name], self._signals.get(name)
             for event in session.events(source):
                 if event.data:
-                    time_ = event.time + self._epoch
-                    self._writer.add_message(self._raw[name], time_, cdr_encode.encode_bytes(event.data), time_)
+                    self._add(self._raw[name], event.time, cdr_encode.encode_bytes(event.data))
                 for measurement in source.take(event):
                     self._write(channels, measurement)
                     if signal is not None:
@@ -214,20 +213,15 @@ class Recorder:
         self._report_troubles(session)
         while self._marks:
             time_, text = self._marks.popleft()
-            self._writer.add_message(
-                self._mark_channel,
-                time_ + self._epoch,
-                cdr_encode.encode_text(text),
-                time_ + self._epoch,
-                self.summary.marks,
-            )
+            self._add(self._mark_channel, time_, cdr_encode.encode_text(text), self.summary.marks)
             self.summary.marks += 1
 
     def _report_troubles(self, session: Session) -> None:
         for source in session.sources:
             while source.troubles:
-                self._say(source.troubles[0])
-                self._report(cdr_encode.WARN, source, source.troubles.pop(0))
+                text = source.troubles.pop(0)
+                self._say(text)
+                self._diagnose(time.monotonic_ns(), [(cdr_encode.WARN, source, text)])
 
     def _write(self, channels: list[OutputChannel], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
@@ -237,17 +231,18 @@ class Recorder:
             self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 
     def _status(self, session: Session, now: int) -> None:
-        rows = []
-        for source in session.sources:
-            level = cdr_encode.OK if source.state == "ok" else cdr_encode.ERROR
-            rows.append((level, source.entry.name, source.state, self._facts(source)))
-        data = cdr_encode.encode_diagnostics(now + self._epoch, rows)
-        self._writer.add_message(self._status_channel, now + self._epoch, data, now + self._epoch)
+        levels = {"ok": cdr_encode.OK}
+        rows = [(levels.get(source.state, cdr_encode.ERROR), source, source.state) for source in session.sources]
+        self._diagnose(now, rows)
 
-    def _report(self, level: int, source: DeviceSource, text: str) -> None:
-        now = time.monotonic_ns() + self._epoch
-        data = cdr_encode.encode_diagnostics(now, [(level, source.entry.name, text, self._facts(source))])
-        self._writer.add_message(self._status_channel, now, data, now)
+    def _diagnose(self, now: int, rows: list[tuple[int, DeviceSource, str]]) -> None:
+        """Write a status message of (level, device, text)."""
+        statuses = [(level, source.entry.name, text, self._facts(source)) for level, source, text in rows]
+        self._add(self._status_channel, now, cdr_encode.encode_diagnostics(now + self._epoch, statuses))
+
+    def _add(self, channel: int, now: int, data: bytes, sequence: int = 0) -> None:
+        """Write a message of this time [ns, monotonic]."""
+        self._writer.add_message(channel, now + self._epoch, data, now + self._epoch, sequence)
 
     @staticmethod
     def _facts(source: DeviceSource) -> dict[str, object]:
@@ -316,20 +311,16 @@ class Recorder:
                         "delay_correlation": round(delay.correlation, 4),
                     }
 
-    @property
-    def _values_topics(self) -> list[str]:
-        """Topics of named values, which have the type of joint states and are none."""
-        pairs = [pair for entry in self._rig.entries for pair in zip(entry.device.channels, entry.topics, strict=True)]
-        return [topic for channel, topic in pairs if channel.measures == "values"]
-
     def _metadata(self, session: Session) -> dict[str, str]:
+        pairs = [pair for entry in self._rig.entries for pair in zip(entry.device.channels, entry.topics, strict=True)]
         facts = {
             "note": self._note,
             "rig_file": self._rig.path.read_text(encoding="utf-8"),
             "host": platform.platform(),
             "epoch_minus_monotonic_ns": str(self._epoch),
             **MEANING,
-            "values_topics": json.dumps(self._values_topics),
+            # named values have the type of joint states and are none
+            "values_topics": json.dumps([topic for channel, topic in pairs if channel.measures == "values"]),
         }
         for source in session.sources:
             name, identity = source.entry.name, source.identity

@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple
 
 from mcap.writer import Writer
 
-from rig.atomic_files import refuse_existing
-from rig.exceptions import RigError
+from rig.atomic_files import check_output
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.writer import register
 from rig.record.rig_file import DeviceEntry
@@ -49,9 +48,7 @@ class Sink:
     """
 
     def __init__(self, path: Path) -> None:
-        refuse_existing(path)
-        if not path.parent.is_dir():
-            raise RigError(f"no folder {path.parent}: create it first")
+        check_output(path)
         self.path = path
         as_bytes = getattr(os, "O_BINARY", 0)  # Windows writes text unless told otherwise
         self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | as_bytes, 0o666)
@@ -127,9 +124,7 @@ def run_path(output: str | os.PathLike[str]) -> Path:
     text = os.fspath(output)
     if not text.endswith(os.sep) and not os.path.isdir(text):
         path = Path(text)
-        refuse_existing(path)
-        if not path.parent.is_dir():
-            raise RigError(f"no folder {path.parent}: create it first")
+        check_output(path)
         return path
     folder = Path(text)
     folder.mkdir(parents=True, exist_ok=True)
