@@ -21,7 +21,7 @@ from identify.judge.run_fit import RunFit
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
 
-HELD = ("gyro_scale", "cell_matrix", "r_cg", "gravity")
+HELD = ("gyro_scale", "cell_matrix", "mass", "r_cg", "gravity")
 """Unknowns of :data:`identify.joint.joint_model.SIZES` that a joint estimate may take as exact."""
 FLEXIBILITY = "flexibility"
 """Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""

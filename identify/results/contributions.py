@@ -1,14 +1,9 @@
-"""Contributions to an identified tensor's uncertainty, and what errors that it does not hold would add."""
+"""Contributions to an identified tensor's uncertainty."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.inertial_parameters import by_component
 
 RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
 ESTIMATE = "estimate"
@@ -44,70 +39,3 @@ def evaluation_type(name: str) -> str:
     if name == FIXTURE:
         return "A, B"
     return "A" if name in (RESIDUALS, ESTIMATE) or name.startswith("scatter between") else "B"
-
-
-QUANTITIES = (
-    ("the mass", "g", 1e3),
-    *((f"the centre of gravity on b{axis}", "mm", 1e3) for axis in (1, 2, 3)),
-    *((name, "g·m²", GRAM_METRE) for name in COMPONENTS),
-)
-"""The ten parameters as they are said: name, unit, that unit's number in one of SI."""
-LARGEST_SHARE = 1 / 3
-"""Undeclared errors over u above which nothing passes: a third makes u 5 % larger, which two digits hardly show."""
-
-
-class Effect(NamedTuple):
-    """Effect on a result of an error that is neither declared nor estimated."""
-
-    name: str
-    """Key of the error in ``[not_included]``."""
-    text: str
-    """Description of the error in words."""
-    figure: str
-    """Typical size of the error, with its unit."""
-    parameters: Float[np.ndarray, "10"]
-    """Change of mass, r_CG and tensor by the error [kg, m, kg·m²]; zero for those that the estimate takes as given."""
-    signed: bool
-    """Whether ``parameters`` is a bias of known sign; otherwise it is a standard uncertainty."""
-
-    @property
-    def inertia(self) -> Float[np.ndarray, "6"]:
-        """Change of the packed tensor by the error [kg·m²]."""
-        return self.parameters[4:]
-
-
-@dataclass(frozen=True)
-class NotIncluded:
-    """Errors that a result's intervals do not hold."""
-
-    effects: tuple[Effect, ...]
-
-    @property
-    def together(self) -> Float[np.ndarray, "10"]:
-        """Root sum of squares of the effects, a standard uncertainty of mass, r_CG and tensor [kg, m, kg·m²]."""
-        return np.sqrt(np.sum([effect.parameters**2 for effect in self.effects], axis=0) + np.zeros(10))
-
-    def share(self, u: Float[np.ndarray, "10"]) -> tuple[float, int]:
-        """Return the largest of them together over u, and which of the ten parameters that is.
-
-        Args:
-            u: standard uncertainty of mass, r_CG and tensor [kg, m, kg·m²]; not finite: the parameter does not count.
-        """
-        together = self.together
-        ratio = np.where((together > 0) & np.isfinite(u), together / np.maximum(u, 1e-300), 0.0)
-        worst = int(np.argmax(ratio))
-        return float(ratio[worst]), worst
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """Return the content of result.json, in SI."""
-        return [
-            {
-                "name": effect.name,
-                "figure": effect.figure,
-                "signed": effect.signed,
-                "inertia": by_component(effect.inertia),
-                "mass": float(effect.parameters[0]),
-                "cg": effect.parameters[1:4].tolist(),
-            }
-            for effect in self.effects
-        ]

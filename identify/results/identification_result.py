@@ -1,7 +1,7 @@
 """The result of identification: the tensor with its uncertainty, and the content of result.json."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,11 +13,12 @@ from identify.estimators.type_a import Pooling
 from identify.reporting import Result
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
-from identify.results.contributions import NotIncluded, contributions
+from identify.results.contributions import contributions
 from identify.results.discordance import Discordance
 from identify.results.held_out_result import HeldOut
 from identify.results.residual_cause import ResidualCause
 from identify.results.run_estimate import RunEstimate, offsets_content
+from identify.results.undeclared import Undeclared
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
@@ -42,7 +43,7 @@ class Identification(Result):
     covariance: np.ndarray
     """Covariance of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
     interval95: np.ndarray
-    """Coverage interval of 95 % about ``inertia``, (6, 2) [kg·m²]."""
+    """Coverage interval of 95 % about ``inertia`` by measured and declared errors, (6, 2) [kg·m²]."""
     r_cg: np.ndarray
     """Centre of gravity from Q that was used, in B [m]."""
     sigma_r_cg: np.ndarray
@@ -100,8 +101,8 @@ class Identification(Result):
     by_held_errors: Mapping[str, np.ndarray] | None = None
     """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed. See
     :func:`identify.judge.held_errors.by_held_errors`."""
-    not_included: NotIncluded | None = None
-    """Errors that the intervals do not hold, at typical figures; None: it was not looked at, or cannot be known."""
+    undeclared: Undeclared | None = None
+    """Errors that ``interval95`` leaves out, at typical size; None: it was not looked at, or cannot be known."""
     validation: HeldOut | None = None
     """Prediction of each run, or half of one, from the others; None: it was not asked for."""
 
@@ -142,6 +143,34 @@ class Identification(Result):
         return np.concatenate([np.broadcast_to(self.centre_factor, 4), tensor_factors])
 
     @property
+    def with_undeclared(self) -> "Identification":
+        """The result whose uncertainties and intervals hold the undeclared errors, too; itself where it has none."""
+        if self.undeclared is None or not self.undeclared.effects:
+            return self
+        added, half = self.undeclared.covariance, self.coverage_factors * self.parameters.standard_uncertainty
+        wide_half = self.undeclared.half_width(half)
+        covariance = self.parameters.covariance + added
+        u = np.sqrt(np.diag(covariance))
+        out = (wide_half - half)[4:, None] * [-1, 1]
+        return replace(
+            self,
+            covariance=covariance[4:, 4:],
+            interval95=self.interval95 + np.where(np.isfinite(out), out, 0.0),
+            mass_uncertainty=None if self.mass is None else float(u[0]),
+            mass_covariance=covariance[0, 1:],
+            sigma_r_cg=u[1:4],
+            cg_covariance=covariance[1:4, 1:4],
+            cg_inertia_covariance=covariance[1:4, 4:],
+            centre_factor=np.divide(wide_half[:4], u[:4], out=np.full(4, mass_and_centre.NORMAL), where=u[:4] > 0),
+            undeclared=Undeclared(),
+        )
+
+    @property
+    def interval95_with_undeclared(self) -> np.ndarray | None:
+        """Coverage interval of 95 % with undeclared errors at typical size, too, (6, 2) [kg·m²]; None: not known."""
+        return None if self.undeclared is None else self.with_undeclared.interval95
+
+    @property
     def contributions(self) -> Mapping[str, np.ndarray]:
         """Each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known."""
         with_fixture = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]
@@ -150,6 +179,7 @@ class Identification(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
+        wide = None if self.undeclared is None else self.with_undeclared
         content = {
             **self.form(),
             "unit": "kg*m^2",
@@ -158,15 +188,14 @@ class Identification(Result):
             "inertia": by_component(self.inertia),
             "bias": by_component(self.bias),
             "standard_uncertainty": by_component(self.standard_uncertainty),
-            "interval95": {
-                name: list(map(float, ends)) for name, ends in zip(COMPONENTS, self.interval95, strict=True)
-            },
+            "interval95": _ends_content(self.interval95),
+            "interval95_with_undeclared": None if wide is None else _ends_content(wide.interval95),
             "covariance": self.covariance.tolist(),
             "principal": principal_axes(self.inertia, self.covariance).to_dict(),
             "about_q": None if self.mass is None else self.parameters.about().to_dict(),
             "about_datum": None if self.datum is None else self.parameters.in_datum(self.datum).to_dict(),
             "tare": None if self.tare is None else self.tare.to_dict(),
-            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from),
+            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from, _centre_ends(wide)),
             "method": self.method,
             "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
             "rotation": _rotation_content(self.rotation),
@@ -195,7 +224,7 @@ class Identification(Result):
             "pooling": None if self.pooling is None else self.pooling.to_dict(),
             "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
-            "not_included": None if self.not_included is None else self.not_included.to_dict(),
+            "not_included": None if self.undeclared is None else self.undeclared.to_dict(),
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),
@@ -207,9 +236,15 @@ class Identification(Result):
         return {key: finite(value) for key, value in content.items()}
 
     def records(self) -> list[dict[str, Any]]:
-        """Return value, bias, standard uncertainty and interval of each component [kg·m²]."""
-        columns = zip(COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, *self.interval95.T, strict=True)
-        names = ("component", "value", "bias", "standard_uncertainty", "low95", "high95")
+        """Return value, bias, standard uncertainty and both intervals of each component [kg·m²]; NaN: not known."""
+        wide = np.full((6, 2), np.nan) if self.undeclared is None else self.with_undeclared.interval95
+        columns = zip(
+            COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, *self.interval95.T, *wide.T, strict=True
+        )
+        names = (
+            "component", "value", "bias", "standard_uncertainty", "low95", "high95", "low95_with_undeclared",
+            "high95_with_undeclared",
+        )  # fmt: skip
         return [dict(zip(names, row, strict=True)) for row in columns]
 
 
@@ -219,3 +254,11 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
         return {"value": np.eye(3).tolist(), "estimated": False}
     matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
     return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
+
+
+def _ends_content(interval95: np.ndarray) -> dict[str, list[float]]:
+    return {name: list(map(float, ends)) for name, ends in zip(COMPONENTS, interval95, strict=True)}
+
+
+def _centre_ends(wide: Identification | None) -> np.ndarray | None:
+    return None if wide is None else mass_and_centre.interval95(wide.parameters, wide.centre_factor)

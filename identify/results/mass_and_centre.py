@@ -27,7 +27,9 @@ def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.
     return np.stack([ten.values[:4] - half, ten.values[:4] + half], axis=1)
 
 
-def content(ten: InertialParameters, factor: np.ndarray | float, source: str) -> dict[str, Any]:
+def content(
+    ten: InertialParameters, factor: np.ndarray | float, source: str, wide: np.ndarray | None = None
+) -> dict[str, Any]:
     """Return what result.json says of mass and centre of gravity, in SI; null for what is not known or counts as exact.
 
     A mass that counts as exact is declared, though the centre of gravity be estimated.
@@ -36,7 +38,9 @@ def content(ten: InertialParameters, factor: np.ndarray | float, source: str) ->
         ten: the ten parameters.
         factor: coverage factor of all four, or of each.
         source: where they come from.
+        wide: intervals of 95 % with undeclared errors at typical size, (4, 2) [kg, m]; None: not known.
     """
+    second = [None] * 4 if wide is None else wide.tolist()
     u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
     known, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
     mass_source = DECLARED if source == ESTIMATED and not uncertain else source
@@ -45,12 +49,14 @@ def content(ten: InertialParameters, factor: np.ndarray | float, source: str) ->
             "value": ten.mass if known else None,
             "standard_uncertainty": float(u[0]) if uncertain else None,
             "interval95": intervals[0] if uncertain else None,
+            "interval95_with_undeclared": second[0] if known else None,
             "from": mass_source if known else None,
         },
         "cg": {
             "value": ten.r_cg.tolist(),
             "standard_uncertainty": u[1:4].tolist(),
             "interval95": intervals[1:],
+            "interval95_with_undeclared": None if wide is None else second[1:],
             "from": source,
         },
     }

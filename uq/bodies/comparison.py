@@ -33,6 +33,8 @@ class Comparison(Result):
     """Measured centre of gravity from Q in B and its standard uncertainty [m]."""
     factor: np.ndarray = field(default_factory=lambda: np.full(10, USUAL))
     """Coverage factors of mass, centre of gravity and tensor: 2, or those of the result's intervals where larger."""
+    half_with_undeclared: np.ndarray | None = None
+    """Half the second intervals of the components, (6,) [kg·m²]; None: not known."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "expected"
 
@@ -57,6 +59,16 @@ class Comparison(Result):
     def normalised_error(self) -> np.ndarray:
         """E_n of each component: satisfactory up to 1 (ISO 13528:2022, 9.7; ISO/IEC 17043)."""
         return normalised_error(self.measured, self.expected, self.factor[4:])
+
+    @property
+    def normalised_error_with_undeclared(self) -> np.ndarray:
+        """E_n of each component with U of undeclared errors, too, at typical size; NaN: not known."""
+        if self.half_with_undeclared is None:
+            return np.full(6, np.nan)
+        half = np.fmax(self.half_with_undeclared, self.factor[4:] * self.measured.standard_uncertainty)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.deviation / np.hypot(half, USUAL * self.expected.standard_uncertainty)
+        return np.where(self.deviation == 0, 0.0, ratio)
 
     @property
     def joint(self) -> tuple[float, int, float]:
@@ -107,6 +119,7 @@ class Comparison(Result):
             "mean_of_runs": self.mean, "standard_deviation_of_runs": self.standard_deviation,
             "deviation": self.deviation, "relative_error": self.relative_error,
             "normalised_error": self.normalised_error,
+            "normalised_error_with_undeclared": self.normalised_error_with_undeclared,
         }  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -143,7 +156,7 @@ def compare(result: Identification, reference: Reference) -> Comparison:
         result: the identification.
         reference: the reference body.
     """
-    ten = result.parameters
+    ten, wide = result.parameters, result.interval95_with_undeclared
     u = ten.standard_uncertainty
     mass = (float(ten.mass), float(u[0])) if np.isfinite(ten.mass) and np.isfinite(u[0]) else None
     alone = [run.inertia - result.taken_off for run in result.runs if run.alone]
@@ -151,6 +164,7 @@ def compare(result: Identification, reference: Reference) -> Comparison:
         reference=reference, measured=ten.tensor, repeats=np.array(alone).reshape(-1, 6),
         suspicions=suspicions(ten.tensor, reference), mass=mass, centre=(np.asarray(ten.r_cg), u[1:4]),
         factor=np.fmax(result.coverage_factors, USUAL), provenance=result.provenance,
+        half_with_undeclared=None if wide is None else np.ptp(wide, axis=1) / 2,
     )  # fmt: skip
 
 

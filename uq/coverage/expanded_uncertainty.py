@@ -13,6 +13,8 @@ from identify.rounding import beside_uncertainty, decimals, exact, fixed, rounde
 
 USUAL = 0.95
 """Coverage probability of the intervals that results hold."""
+MANY = 1000
+"""Degrees of freedom from which they are printed as infinite: k differs by 0.1 %."""
 EVEN = 0.02
 """Difference of an interval's two arms, as a part of its width, up to which it counts as symmetric."""
 
@@ -28,6 +30,8 @@ class Expanded:
     """Half the interval over the standard uncertainty."""
     probability: Float[np.ndarray, " n"]
     interval: Float[np.ndarray, "n 2"]
+    freedom: Float[np.ndarray, " n"]
+    """Degrees of freedom of Student's t that has this factor at this probability; infinity: normal."""
 
     @property
     def expanded(self) -> Float[np.ndarray, " n"]:
@@ -35,7 +39,7 @@ class Expanded:
         return (self.interval[:, 1] - self.interval[:, 0]) / 2
 
     def rows(self, unit: float = 1.0) -> list[list[str]]:
-        """Return name, value, U, k, p, u and interval of each, rounded to two digits of U (GUM 7.2.6).
+        """Return name, value, U, k, ν, p, u and interval of each, rounded to two digits of U (GUM 7.2.6).
 
         Args:
             unit: factor to the unit that is printed.
@@ -47,18 +51,20 @@ class Expanded:
         half = (high - low) / 2
         if not np.isfinite([value, half, u]).all():
             ends = f"{rounded(low, u) if np.isfinite(low) else '−∞'} … {rounded(high, u) if np.isfinite(high) else '∞'}"
-            return [self.names[k], rounded(value, u), *["–"] * 4, ends]
+            return [self.names[k], rounded(value, u), *["–"] * 5, ends]
         places = decimals(half)
         below, above = fixed(value - low, places), fixed(high - value, places)
         even = abs((high - value) - (value - low)) <= EVEN * (high - low) or below == above
         return [
             self.names[k], beside_uncertainty(value, u, half), fixed(half, places) if even else f"+{above} −{below}",
-            fixed(self.factor[k], 2), *exact([round(100 * self.probability[k], 2)]), fixed(u, decimals(u)),
+            fixed(self.factor[k], 2), "∞" if self.freedom[k] >= MANY else f"{self.freedom[k]:.0f}",
+            *exact([round(100 * self.probability[k], 2)]),
+            fixed(u, decimals(u)),
             f"{fixed(low, places)} … {fixed(high, places)}",
         ]  # fmt: skip
 
 
-HEAD = ("value", "U", "k", "p, %", "u", "coverage interval")
+HEAD = ("value", "U", "k", "ν", "p, %", "u", "coverage interval")
 """Headings of the columns of :meth:`Expanded.rows` behind the name."""
 
 
@@ -91,10 +97,13 @@ def of_intervals(
     k, p = _factor(freedom, factor, probability)
     k = usual if factor is None and probability in (None, USUAL) else k
     if k is usual:
-        return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=interval95)
+        return Expanded(
+            names=names, value=value, standard=u, factor=k, probability=p, interval=interval95, freedom=freedom
+        )
     with np.errstate(invalid="ignore"):
         arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
-    return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=value[:, None] + arms)
+    ends = value[:, None] + arms
+    return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=ends, freedom=freedom)
 
 
 def of_normal(
@@ -106,10 +115,11 @@ def of_normal(
     probability: float | None = None,
 ) -> Expanded:
     """Return quantities of known standard uncertainty, taken as normal, with their expanded uncertainty."""
-    k, p = _factor(np.full(len(names), np.inf), factor, probability)
-    half = (k * standard)[:, None]
+    freedom = np.full(len(names), np.inf)
+    k, p = _factor(freedom, factor, probability)
+    ends = value[:, None] + (k * standard)[:, None] * [-1, 1]
     return Expanded(
-        names=names, value=value, standard=standard, factor=k, probability=p, interval=value[:, None] + half * [-1, 1]
+        names=names, value=value, standard=standard, factor=k, probability=p, interval=ends, freedom=freedom
     )
 
 

@@ -26,12 +26,12 @@ from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
 from uq.experiment.arm_table import DeclaredArm
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
-from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
+from uq.experiment.undeclared_table import NONE, UndeclaredTable
 from uq.files.changed_document import with_entry, with_table
 from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.plain_values import plain_values
@@ -88,7 +88,7 @@ class Experiment(Shown):
     """A frame in which the result is also wanted; None: there is none."""
     fixture: InertialParameters | None = None
     """Fixture that is to be subtracted from the identified body, by its stated parameters; None: there is none."""
-    not_included: NotIncludedTable = field(default_factory=NotIncludedTable)
+    undeclared: UndeclaredTable = field(default_factory=UndeclaredTable)
     """Typical figures of errors that are not declared."""
     report: Mapping[str, Any] = field(default_factory=dict)
     """The table ``[report]`` as it stands, dates as strings; see :func:`uq.experiment.report_table.ReportTable`."""
@@ -151,7 +151,7 @@ class Experiment(Shown):
             estimators=tuple(table.spec for table in file.estimator), sources=sources, mixing=mixing,
             recording=recording, poses=file.poses, geometry=platform.legs,
             limits=None if platform.limits is None else platform.limits.limits, arm=platform.arm(folder),
-            document=document, folder=folder, report=report, not_included=file.not_included, **stated,
+            document=document, folder=folder, report=report, undeclared=_undeclared(file), **stated,
         )  # fmt: skip
         return replace(experiment, as_read=experiment._in_si())
 
@@ -318,6 +318,11 @@ class Experiment(Shown):
     def sigma_r_cg(self) -> np.ndarray:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
         return declared_sigma(self.sources, "r_cg")
+
+
+def _undeclared(file: ExperimentFile) -> UndeclaredTable:
+    stated = file.undeclared or file.not_included or UndeclaredTable()
+    return NONE if isinstance(stated, str) else stated
 
 
 def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:

@@ -7,13 +7,13 @@ import numpy as np
 
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.toml_tables import Name, TomlTable, WrongKeyError, written
-from uq.experiment.not_included_table import NotIncludedTable
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import ReportTable
 from uq.experiment.stated_values import DatumTable, FixtureTable, InertiaTable, ScaleTable
 from uq.experiment.trajectory_table import HarmonicTable, MultisineTable, SphereTable
+from uq.experiment.undeclared_table import UndeclaredTable
 from uq.files.schema import in_unit, vector
 from uq.sources.correlations import LinkTable
 from uq.sources.source_table import WrittenSource, read_source
@@ -74,7 +74,9 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
     recording: RecordingTable = RecordingTable()
-    not_included: NotIncludedTable = NotIncludedTable()
+    undeclared: UndeclaredTable | Literal["none"] | None = None
+    not_included: UndeclaredTable | None = None
+    """Old name of ``undeclared``."""
     poses: Poses | None = None
     scale: ScaleTable | None = None
     datum: DatumTable | None = None
@@ -90,6 +92,8 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
             raise WrongKeyError(
                 "", f"unknown estimator '{self.recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
+        if self.undeclared is not None and self.not_included is not None:
+            raise WrongKeyError("", "not_included is the old name of undeclared: keep one of them")
         mass = None if self.body is None else self.body.mass
         if mass is not None and self.scale is not None:
             read, sigma = self.scale.value

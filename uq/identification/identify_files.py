@@ -26,13 +26,14 @@ from identify.sums.regressor_rows import check_rate
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import cautions
+from uq.experiment.undeclared_table import NONE
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
 from uq.identification.estimated_errors import estimated_errors
-from uq.identification.not_included import with_not_included
 from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict, with_discordance
 from uq.identification.systematic_errors import with_declared_sources
+from uq.identification.undeclared import with_undeclared
 from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
 from uq.recorded.load_run import load
@@ -43,6 +44,8 @@ from uq.sources.constant_errors import declared_sigma
 from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
+COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
+OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
 
 
@@ -98,7 +101,7 @@ def identify_files(
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
         return _estimated(runs, experiment, spec, prior, method, validate)
 
-    result = with_not_included(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment)
+    result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
     suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
@@ -112,7 +115,7 @@ def identify_files(
         result,
         warnings=(*fixture_warnings, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
-        assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment)),
+        assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment)),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
     )
@@ -131,6 +134,11 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
     if acts("bias", "F", "M"):
         instead[NO_OFFSETS] = f"{NO_OFFSETS} beyond those declared"
     return [text for text in (instead.get(text, text) for text in assumptions) if text]
+
+
+def _on_undeclared(experiment: Experiment) -> list[str]:
+    complete = [COMPLETE] if experiment.undeclared == NONE else []
+    return [*complete, *([OLD_NAME] if "not_included" in experiment.document else [])]
 
 
 def _after(suspicious: list[str], result: Identification) -> list[str]:

@@ -11,6 +11,7 @@ from identify.exceptions import RunError
 from identify.results.covariances import checked, containing
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import LEFT, NORMAL
+from identify.results.undeclared import Undeclared
 from identify.rigid_body.fixture import Tare, check, left_over, subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import value_and_jacobian
@@ -129,8 +130,9 @@ def tared(
         for ten, effect in zip((assembly, fixture), effects, strict=True)
     )
     body = subtract(assembly, fixture, effects[0] @ effects[1].T)
+    _, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
     factors = [result.coverage_factors, np.full(10, NORMAL) if identified is None else identified.coverage_factors]
-    half_width = _half_width(assembly, fixture, body, factors)
+    half_width = _half_width((assembly, fixture), body, jacobian, factors)
     half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
@@ -154,6 +156,7 @@ def tared(
         centre_factor=np.divide(half_width[:4], u, out=np.full(4, NORMAL), where=u > 0),
         centre_from=LEFT,
         lasting={},
+        undeclared=_undeclared(result, identified, jacobian),
         warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
         assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
         tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
@@ -162,18 +165,43 @@ def tared(
 
 
 def _half_width(
-    assembly: InertialParameters, fixture: InertialParameters, body: InertialParameters, factors: list[np.ndarray]
+    parts: tuple[InertialParameters, InertialParameters],
+    body: InertialParameters,
+    jacobian: np.ndarray,
+    factors: list[np.ndarray],
 ) -> np.ndarray:
-    """Half of the interval of 95 % of each of the ten parameters; ``factors``: coverage factors of both, (10,) each."""
-    _, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
+    """Half of the interval of 95 % of each of the ten parameters.
+
+    Args:
+        parts: the whole and the fixture.
+        body: what is left.
+        jacobian: derivative of the body's ten by those of both, (10, 20).
+        factors: coverage factors of both, (10,) each.
+    """
     alone = [
         np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
-        for by, parameters in ((jacobian[:, :10], assembly), (jacobian[:, 10:], fixture))
+        for by, parameters in zip((jacobian[:, :10], jacobian[:, 10:]), parts, strict=True)
     ]
     common = np.diag(body.covariance) - alone[0] - alone[1]
     # what is wider than normal is type A of each by itself, whose factor is of the component that it is made of
     square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
     return np.sqrt(np.maximum(square, 0.0))
+
+
+def _undeclared(result: Identification, empty: Identification | None, jacobian: np.ndarray) -> Undeclared | None:
+    """Return what undeclared errors add to the body: one rig measured both, so that they largely cancel."""
+    whole, fixture = result.undeclared, Undeclared() if empty is None else empty.undeclared
+    if whole is None or fixture is None:
+        return None
+    by_fixture = {effect.name: effect.changes for effect in fixture.effects}
+    effects = []
+    for effect in whole.effects:
+        changes = jacobian[:, :10] @ effect.changes
+        if effect.name in by_fixture:
+            changes = changes + jacobian[:, 10:] @ by_fixture.pop(effect.name)
+        effects.append(effect._replace(changes=changes))
+    alone = [effect for effect in fixture.effects if effect.name in by_fixture]
+    return Undeclared((*effects, *(e._replace(changes=jacobian[:, 10:] @ e.changes) for e in alone)))
 
 
 def _shift(result: Identification) -> np.ndarray:

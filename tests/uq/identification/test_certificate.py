@@ -15,7 +15,7 @@ import pytest
 from identify.estimators.admissible_tensor import Admissible
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
-from identify.results.contributions import Effect, NotIncluded
+from identify.results.undeclared import Effect, Undeclared
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise, decimals, fixed
 from identify.sums.residual_trace import thinned, trace
@@ -69,8 +69,8 @@ def full(runs):
 def declared(result, part=0.0):
     """The result as if all errors were declared, but for one that has this part of u in each of the ten parameters."""
     added = part * np.nan_to_num(result.parameters.standard_uncertainty)
-    effects = (Effect("gyro_scale", "scale of the gyro", "0.5 %", added, False),) if part else ()
-    return dataclasses.replace(result, not_included=NotIncluded(effects))
+    effects = (Effect("gyro_scale", "scale of the gyro", "0.3 %", added[:, None]),) if part else ()
+    return dataclasses.replace(result, undeclared=Undeclared(effects))
 
 
 def reported(result, **table):
@@ -127,8 +127,8 @@ def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
     interval[3], interval[1] = (1e-3, np.inf), (-np.inf, np.inf)
     weak = dataclasses.replace(plain, covariance=covariance, interval95=interval, bias=np.full(6, np.nan))
     rows = of_tensor(weak).rows(1e3)
-    assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "−∞ … ∞"]
-    assert rows[3][6] == "1.000 … ∞"
+    assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "–", "−∞ … ∞"]
+    assert rows[3][-1] == "1.000 … ∞"
     assert rows[0] == of_tensor(plain).rows(1e3)[0]
     for rule in ("simple", "guarded"):
         (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
@@ -253,20 +253,20 @@ def test_every_part_of_the_budget_has_its_type(plain, part, letters):
 def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
     """k = 2.5 of the mass, as few poses give it, 1.96 of the rest; with k = 2 asked for, twice u."""
     result = dataclasses.replace(
-        plain, mass=19.7, mass_uncertainty=0.01, sigma_r_cg=np.full(3, 2e-4), cg_covariance=None,
+        declared(plain), mass=19.7, mass_uncertainty=0.01, sigma_r_cg=np.full(3, 2e-4), cg_covariance=None,
         centre_factor=np.array([2.5, 1.96, 1.96, 1.96]), centre_from="static poses",
     )  # fmt: skip
     rows = mass_and_centre(result, Report()).rows
-    assert rows[0] == ["mass, kg", "19.700", "19.675 … 19.725", "0.025", "2.50", "95", "0.010"]
+    assert rows[0] == ["mass, kg", "19.700", "19.675 … 19.725", "0.025", "2.50", "6", "95", "0.010"]
     assert rows[3][3:5] == ["0.39", "1.96"]
     assert mass_and_centre(result, Report(coverage_factor=2.0)).rows[0][3:5] == ["0.020", "2.00"]
     assert result.to_dict()["mass"] == {
         "value": 19.7, "standard_uncertainty": 0.01, "interval95": pytest.approx([19.675, 19.725]),
-        "from": "static poses",
+        "from": "static poses", "interval95_with_undeclared": pytest.approx([19.675, 19.725]),
     }  # fmt: skip
     assert "19.675 … 19.725" in str(result)
     exact = dataclasses.replace(result, mass_uncertainty=None, mass_covariance=None)
-    assert mass_and_centre(exact, Report()).rows[0] == ["mass, kg", "19.7", *["–"] * 5]
+    assert mass_and_centre(exact, Report()).rows[0] == ["mass, kg", "19.7", *["–"] * 6]
     assert exact.to_dict()["mass"]["interval95"] is None
 
 
@@ -282,7 +282,6 @@ def test_conformity_stands_in_the_terminal_too(plain):
 
 NAMES = ("I11", "I12", "I13", "I22", "I23", "I33")
 LIMITS = {"specification": "drawing 4", "rule": "simple", "limits": {"I11": ["0.3 kg*m^2", "0.4 kg*m^2"]}}
-PASSES = re.compile(r"conforms|is passed|verdict\">")
 
 
 def result_of(html):
@@ -292,34 +291,49 @@ def result_of(html):
 
 @pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(("part", "passes"), [(0.0, True), (0.333, True), (0.334, False), (np.nan, False)])
-def test_nothing_passes_while_u_leaves_out_more_than_a_third_of_itself(plain, part, passes):
+def test_nothing_passes_while_u_rests_on_typical_figures(full, part, passes):
     """No tick (that of a verdict without attention) and no sentence; nan: it is not known what undeclared errors do."""
-    sound = dataclasses.replace(plain, warnings=(), pooling=None)
-    result = dataclasses.replace(sound, not_included=None) if np.isnan(part) else declared(sound, part)
-    page = result_of(report(reported(result, conformity=LIMITS)))
-    assert len(set(PASSES.findall(page))) == (3 if passes else 0)
-    assert ("U leaves out undeclared errors" in page or "is not known" in page) is not passes
-    assert ("I11: undecided while U leaves out undeclared errors." in page) is not passes
+    sound = dataclasses.replace(full, warnings=(), pooling=None)
+    result = dataclasses.replace(sound, undeclared=None) if np.isnan(part) else declared(sound, part)
+    content = {**full.provenance["report"], "conformity": LIMITS}
+    page = result_of(report(reported(result, **content)))
+    assert ("is passed" in page) is passes
+    assert ("U rests on typical figures" in page or "is not known" in page) is not passes
+    assert ("I11: undecided while undeclared errors are not known." in page) is bool(np.isnan(part))
+    assert ("Conforms with drawing 4: I11." in page) is not np.isnan(part)
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_what_u_leaves_out_stands_beside_it(plain):
-    """Root sum of squares of the rows of result.json, component by component, over u: the worst is named."""
-    rows = [list(row["inertia"].values()) for row in plain.to_dict()["not_included"]]
-    together = np.linalg.norm(rows, axis=0)
-    worst = int(np.argmax(together / plain.standard_uncertainty))
-    name = NAMES[worst]
-    figures = [fixed(1e3 * x[worst], decimals(1e3 * x[worst])) for x in (together, plain.standard_uncertainty)]
-    text = " ".join(Reader(result_of(report(plain))).text)
-    assert f"U leaves out undeclared errors, typically {figures[0]} g·m² in {name} beside u = {figures[1]}." in text
-    listed = re.search(r"Not in U: .* standard uncertainties of (.*\(I33\)) g·m²", text)[1].split(", ")
-    assert listed == [f"{fixed(1e3 * x, decimals(1e3 * x))} ({k})" for k, x in zip(NAMES, together, strict=True)]
+def test_nothing_passes_while_items_are_not_stated(plain):
+    sound = dataclasses.replace(declared(plain), warnings=(), pooling=None)
+    text = " ".join(Reader(result_of(report(sound))).text)
+    assert "is passed" not in text
+    assert re.search(
+        "Not stated, and asked for by ISO/IEC 17025: laboratory, customer, item,.* instruments, approval", text
+    )
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_the_first_page_has_both_intervals_and_u_by_origin(plain):
+    """U is that of all errors; beside it what is measured, declared and typical, in squares, and the other interval."""
+    certificate = Certificate(plain)
+    tensor, origins = certificate.tables()[:2]
+    wide, added = plain.with_undeclared, plain.undeclared.standard_uncertainty[4:]
+    np.testing.assert_allclose(certificate.tensor.standard**2, plain.standard_uncertainty**2 + added**2)
+    np.testing.assert_allclose(certificate.tensor.interval, wide.interval95)
+    assert tensor.head[:5] == ["", "value", "coverage interval", "U", "k"]
+    assert origins.head == ["", "measured", "declared", "typical", "95 % without typical"]
+    for name, row in zip(NAMES, origins.rows, strict=True):
+        k = NAMES.index(name)
+        parts = np.array([float(cell.replace("−", "-")) for cell in row[1:4]]) * 1e-3
+        assert np.linalg.norm(parts) == pytest.approx(certificate.tensor.standard[k], rel=0.04)
+        assert float(row[3]) == pytest.approx(1e3 * added[k], rel=0.05, abs=5e-5)
 
 
 def test_in_concise_notation_each_value_has_its_standard_uncertainty(plain):
     with concise():
         (row, *_) = Certificate(plain).tables()[0].rows
-    u = 1e3 * plain.standard_uncertainty[0]
+    u = 1e3 * plain.with_undeclared.standard_uncertainty[0]
     assert row[1] == f"{1e3 * plain.inertia[0]:.1f}({u:.1f})"
 
 

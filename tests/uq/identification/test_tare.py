@@ -8,6 +8,7 @@ import pytest
 from identify.exceptions import RunError
 from identify.identification import identify
 from identify.results.covariances import checked
+from identify.results.undeclared import Effect, Undeclared
 from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
@@ -106,3 +107,25 @@ def test_the_certificate_names_the_files_of_the_tare(by_joint):
     result = tared(dataclasses.replace(whole, provenance=of_whole), dataclasses.replace(fixture, provenance=files))
     rows = input_table(Certificate(result).section().provenance).rows
     assert sorted(rows) == [("body.mcap", "ef"), ("empty.json", "cd"), ("empty.mcap", "ab")]
+
+
+def test_what_nobody_declared_is_the_same_in_tare_and_body(by_joint):
+    """A gain of the whole wrench common to both: the body's tensor errs in proportion to itself, as if weighed alone."""
+    loaded, empty, _ = by_joint
+    gain = 0.01
+
+    def erring(result, effects):
+        return dataclasses.replace(result, undeclared=Undeclared(tuple(effects)))
+
+    def gained(result):
+        ten = result.parameters.values
+        changes = gain * np.concatenate([ten[:1], np.zeros(3), ten[4:]])
+        return Effect(name="gain", text="gain", figure="1 %", changes=changes[:, None])
+
+    late = Effect(name="delay", text="delay", figure="1 ms", changes=1e-3 * np.eye(10)[:, 5:6])
+    body = tared(erring(loaded, [gained(loaded)]), erring(empty, [gained(empty), late]))
+    both, alone = body.undeclared.effects
+    expected = gain * np.concatenate([[body.mass], np.zeros(3), body.inertia])
+    np.testing.assert_allclose(both.changes[:, 0], expected, atol=1e-9)
+    np.testing.assert_allclose(alone.changes[5, 0], -1e-3, rtol=1e-9)
+    assert tared(dataclasses.replace(loaded, undeclared=None), empty).undeclared is None

@@ -8,14 +8,14 @@ import numpy as np
 
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section
-from identify.results.contributions import QUANTITIES, NotIncluded
 from identify.results.identification_result import Identification
+from identify.results.undeclared import QUANTITIES
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES, Decision, decide
 from uq.experiment.report_table import Report, read
 from uq.report.certificate import checks, tables
-from uq.report.certificate.front import front
+from uq.report.certificate.front import Front, front, not_stated
 from uq.report.input_tables import source_tables
 from uq.report.tables import identification as identification_view
 
@@ -37,10 +37,15 @@ class Certificate(Result):
         return read(self.identification.provenance)
 
     @cached_property
+    def with_undeclared(self) -> Identification:
+        """The identification whose uncertainty holds undeclared errors at typical size, where they are known."""
+        return self.identification.with_undeclared
+
+    @cached_property
     def tensor(self) -> Expanded:
-        """The components with their expanded uncertainty [kg·m²]."""
+        """The components with their expanded uncertainty, undeclared errors in it [kg·m²]."""
         report = self.report
-        return of_tensor(self.identification, factor=report.coverage_factor, probability=report.coverage_probability)
+        return of_tensor(self.with_undeclared, factor=report.coverage_factor, probability=report.coverage_probability)
 
     @cached_property
     def checks(self) -> list[list[str]]:
@@ -48,27 +53,25 @@ class Certificate(Result):
         return checks.rows(self.identification)
 
     @cached_property
-    def left_out(self) -> str:
-        """Sentence on what U leaves out, where that is too much to pass anything; else empty."""
-        if checks.undeclared(self.identification)[-1] == checks.WITHIN:
-            return ""
-        effects = self.identification.not_included
-        if effects is None:
-            return "What undeclared errors would add to U is not known."
-        largest = largest_beside(effects, self.identification.parameters.standard_uncertainty)
-        return f"U leaves out undeclared errors, typically {largest}."
-
-    @cached_property
     def decisions(self) -> list[Decision]:
-        """Decision on each component with limits; none is passed while U leaves out too much."""
+        """Decision on each component with limits; none is passed while undeclared errors are not known."""
         rule, t = self.report.conformity, self.tensor
         decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
         return [
             replace(decision, outcome="undecided", probability=np.nan)
-            if self.left_out and decision.outcome == "conforms"
+            if self.identification.undeclared is None and decision.outcome == "conforms"
             else decision
             for decision in decisions
         ]
+
+    @cached_property
+    def missing(self) -> list[str]:
+        """Names of the items that ISO/IEC 17025 asks for and ``[report]`` does not state."""
+        return not_stated(self._front)
+
+    @cached_property
+    def _front(self) -> Front:
+        return front(self.report, self.identification.provenance, len(self.tables()))
 
     def title(self) -> str:
         """Return the identification's."""
@@ -76,9 +79,10 @@ class Certificate(Result):
 
     def tables(self) -> list[Table]:
         """Return tensor, mass and centre, principal moments, conformity."""
-        result, report = self.identification, self.report
+        result, report = self.with_undeclared, self.report
         return [
             tables.tensor(result, self.tensor),
+            *tables.origins(self.identification),
             tables.mass_and_centre(result, report),
             *tables.principal(result, report),
             *tables.conformity(report, self.decisions),
@@ -105,11 +109,11 @@ class Certificate(Result):
         return self.identification.to_dict()
 
     def details(self) -> list[Table]:
-        """Return budget, what is not included, scatter, validation, alignment, tare, checks, runs, sources."""
+        """Return budget, undeclared errors, scatter, validation, alignment, tare, checks, runs, sources."""
         result = self.identification
         return [
             *tables.budget(result),
-            *identification_view.not_included_tables(result),
+            *identification_view.undeclared_tables(result),
             *tables.scatter(result),
             *([] if result.validation is None else result.validation.tables()),
             *tables.discordance(result),
@@ -136,50 +140,57 @@ class Certificate(Result):
             provenance=result.provenance
             if result.tare is None
             else {**result.provenance, "tare": result.tare.provenance},
-            front=front(report, result.provenance, len(self.tables())),
+            front=self._front,
             verdict=self.verdict(),
         )
 
     def verdict(self) -> str:
-        """Return what U leaves out, the statement of conformity, if one is asked for, and whether checks are passed."""
+        """Return the statement of conformity, if one is asked for, and whether checks are passed and items stated."""
         rule, outcomes = self.report.conformity, {decision.component: decision.outcome for decision in self.decisions}
-        texts = [self.left_out] if self.left_out else []
+        texts = []
         if rule is not None and set(outcomes.values()) == {"conforms"}:
             texts.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
             texts.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
         failed = sum(row[-1] != checks.WITHIN for row in self.checks)
-        if not failed:
-            texts.append("Every check is passed.")
-        elif failed > bool(self.left_out):
+        if failed:
             texts.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
-        return " ".join(texts)
+        if self.missing:
+            texts.append(f"Not stated, and asked for by ISO/IEC 17025: {', '.join(self.missing)}.")
+        return " ".join(texts if failed or self.missing else [*texts, "Every check is passed."])
 
     def findings(self) -> list[str]:
-        """Return what a reader must not miss: what U leaves out, warnings, checks beyond their limit, conformity."""
+        """Return what a reader must not miss: undeclared errors, conformity, warnings, checks, items not stated."""
         failed = [
             f"{row[0]}: {row[1]}, limit {row[2]}."
             for row in self.checks[:-1]
             if row[-1] != checks.WITHIN and row[0] != checks.UNDECLARED
         ]
-        why = {"undecided": UNDECIDED} if self.left_out else {}
+        why = {"undecided": UNDECIDED} if self.identification.undeclared is None else {}
         others = [
             f"{decision.component}: {decision.outcome} {why.get(decision.outcome, 'by the decision rule')}."
             for decision in self.decisions
             if decision.outcome != "conforms"
         ]
-        left_out = [f"{self.left_out} {CURE}"] if self.left_out else []
         warnings = self.identification.warnings
         where = map(sentence, identification_view.explained(self.identification))
-        return [*left_out, *others, *warnings, *([] if warnings else failed), *where]
+        items = [f"Not stated: {', '.join(self.missing)}."] if self.missing else []
+        return [*self._typical(), *others, *warnings, *([] if warnings else failed), *where, *items]
 
-
-def largest_beside(effects: NotIncluded, u: np.ndarray) -> str:
-    """Return in words what undeclared errors would add together, where that is most beside u of the ten, in SI."""
-    _, worst = effects.share(u)
-    name, unit, factor = QUANTITIES[worst]
-    added, own = (identification_view.two_digits(factor * value[worst]) for value in (effects.together, u))
-    return f"{added} {unit} in {name} beside u = {own}"
+    def _typical(self) -> list[str]:
+        """Return how much of U rests on typical figures, where that is too much for a tick."""
+        result, row = self.identification, checks.undeclared(self.identification)
+        if row[-1] == checks.WITHIN:
+            return []
+        gap = None if result.undeclared is None else result.undeclared.largest(result.parameters.standard_uncertainty)
+        if result.undeclared is None or gap is None:
+            return ["What undeclared errors would add to U is not known."]
+        name, figures = QUANTITIES[gap.parameter][0], gap.effect
+        return [
+            f"U rests on typical figures of errors that nobody declared: their u is up to {row[1]} times that of all "
+            f"others. The largest part, {100 * gap.share:.0f} % of u² of {name}, is {figures.text} ({figures.figure}). "
+            f"{CURE}"
+        ]
 
 
 def _decision_rule(report: Report) -> list[str]:
@@ -187,8 +198,8 @@ def _decision_rule(report: Report) -> list[str]:
     return [] if rule is None else [f"Decision rule for conformity with {rule.specification}: {RULES[rule.rule]}."]
 
 
-CURE = "Declare them as [[source]], or state your own figures in [not_included], false for none."
-UNDECIDED = "while U leaves out undeclared errors"
+CURE = "Declare it as [[source]], or state your figure in [undeclared], false for none."
+UNDECIDED = "while undeclared errors are not known"
 UNCERTAINTY = (
     "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
     "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the "

@@ -3,16 +3,16 @@
 import jax.numpy as jnp
 import numpy as np
 
-from identify.results.contributions import LARGEST_SHARE
 from identify.results.identification_result import Identification
+from identify.results.undeclared import LARGEST_SHARE
 from identify.rigid_body.principal_axes import principal
 from identify.rounding import fixed, significant
 
 HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"
 """The verdict on a check that is passed."""
-UNDECLARED = "errors neither declared nor estimated, at typical size together, over u, largest"
-"""Name of the check of what U leaves out."""
+UNDECLARED = "u of undeclared errors at typical size over u of all others, largest"
+"""Name of the check of how far U rests on figures that nobody declared."""
 
 
 def rows(result: Identification) -> list[list[str]]:
@@ -55,8 +55,8 @@ def _admissible(result: Identification) -> list[str]:
 def undeclared(result: Identification) -> list[str]:
     """Return the check of errors that are neither declared nor estimated; unless they are known it is not passed."""
     share, limit = None, f"≤ {LARGEST_SHARE:.2g}"
-    if result.not_included is not None:
-        share, _ = result.not_included.share(result.parameters.standard_uncertainty)
+    if result.undeclared is not None:
+        share, _ = result.undeclared.share(result.parameters.standard_uncertainty)
     within = share is not None and share <= LARGEST_SHARE
     return [UNDECLARED, "not known" if share is None else significant(share, 2), limit, _verdict(within)]
 

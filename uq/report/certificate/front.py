@@ -74,6 +74,14 @@ def front(report: Report, provenance: Mapping[str, Any], values: int) -> Front:
     )
 
 
+def not_stated(front: Front) -> list[str]:
+    """Return the items that ISO/IEC 17025:2017, 7.8.2, asks for and nobody states, by name."""
+    items = [("Laboratory", front.laboratory), *front.items]
+    missing = [name.lower() for name, lines in items if MISSING in lines]
+    missing += ["instruments"] * (front.instruments.rows[0][0] == MISSING)
+    return missing + ["approval"] * (not front.approvals)
+
+
 def _items(report: Report) -> Iterator[tuple[str, list[str]]]:
     stated = report.texts
     yield "Customer", _party(report.customer.texts)

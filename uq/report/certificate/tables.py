@@ -24,22 +24,43 @@ AXES = ("b1", "b2", "b3")
 
 
 def tensor(result: Identification, expanded: Expanded) -> Table:
-    """Return the six components; the bias has the decimals of U."""
+    """Return the six components; the bias has the decimals of U.
+
+    Args:
+        result: with undeclared errors, where they are known.
+        expanded: its components with their expanded uncertainty.
+    """
     rows = []
     for row, bias, half in zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, strict=True):
         rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
-    effects, note = result.not_included, TENSOR_NOTE
-    if effects is not None and effects.effects:
-        added = zip(_two_digits(effects.together[4:]), COMPONENTS, strict=True)
-        note += f" {NOT_IN_U} {', '.join(f'{figure} ({name})' for figure, name in added)} g·m²."
-    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, note)
+    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, TENSOR_NOTE)
+
+
+def origins(result: Identification) -> list[Table]:
+    """Return u by its origin, measured, declared and typical, and the interval without the typical part."""
+    if result.undeclared is None:
+        return []
+    parts = result.contributions
+    measured = np.sqrt(sum((u**2 for name, u in parts.items() if evaluation_type(name) == "A"), np.zeros(6)))
+    declared = np.sqrt(np.maximum(result.standard_uncertainty**2 - measured**2, 0.0))
+    columns = zip(
+        COMPONENTS, *map(_two_digits, (measured, declared, result.undeclared.standard_uncertainty[4:])),
+        result.standard_uncertainty, result.interval95, strict=True,
+    )  # fmt: skip
+    rows = []
+    for name, *by_origin, u, (low, high) in columns:
+        places = decimals(GRAM_METRE * u) if np.isfinite(u) else 0
+        ends = f"{fixed(GRAM_METRE * low, places)} … {fixed(GRAM_METRE * high, places)}"
+        rows.append([name, *by_origin, ends if np.isfinite([low, high]).all() else "–"])
+    head = ["", "measured", "declared", "typical", "95 % without typical"]
+    return [Table("Standard uncertainty by origin, g·m²", head, rows, ORIGIN_NOTE)]
 
 
 def _interval_first(row: Sequence[str]) -> list[str]:
     """A row of :meth:`Expanded.rows` with the interval behind the value, where a phone shows it."""
-    return [*row[:2], row[6], *row[2:6]]
+    return [*row[:2], row[-1], *row[2:-1]]
 
 
 def mass_and_centre(result: Identification, report: Report) -> Table:
@@ -49,9 +70,9 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
     rows = of_intervals(NAMES, value, u, ends, report.coverage_factor, report.coverage_probability).rows()
     if not np.isfinite(ten.mass):
-        rows[0] = [f"mass: {MISSING}", *[""] * 6]
+        rows[0] = [f"mass: {MISSING}", *[""] * 7]
     elif not u[0] > 0:
-        rows[0] = [NAMES[0], *exact([ten.mass]), *["–"] * 5]
+        rows[0] = [NAMES[0], *exact([ten.mass]), *["–"] * 6]
     head, *rows = map(_interval_first, (["", *HEAD], *rows))
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
@@ -221,17 +242,18 @@ def _two_digits(values: np.ndarray) -> list[str]:
 
 
 TENSOR_NOTE = (
-    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; p: coverage probability; u: "
-    "standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
+    "U: expanded uncertainty, half the coverage interval, undeclared errors at typical size in it; k = U/u: coverage "
+    "factor; ν: degrees of freedom that it implies; p: coverage probability; u: standard uncertainty. Rounded to two "
+    "digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
 )
-NOT_IN_U = (
-    "Not in U: errors that are neither declared nor estimated. At typical size (Details) they have, together, standard "
-    "uncertainties of"
+ORIGIN_NOTE = (
+    "measured: type A, from the runs; declared: sources of the experiment; typical: undeclared errors at typical size "
+    "(Details). U holds all three; the last column leaves out the third."
 )
 PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
 CONFORMITY_NOTE = (
-    "probability within: that the value lies within the limits, from a normal distribution of its u; –: u leaves out "
-    "too much to say."
+    "probability within: that the value lies within the limits, from a normal distribution of its u; –: undeclared "
+    "errors are not known."
 )
 PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data say nothing."
 DISCORDANCE_NOTE = (

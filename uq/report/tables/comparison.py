@@ -9,6 +9,7 @@ from identify.text_tables import Table
 from uq.bodies.comparison import Comparison
 from uq.bodies.normalised_error import USUAL
 
+EXPLAINED = ", but not beyond those with undeclared errors at typical size"
 MOST = 6
 """Uncertain quantities of a reference that its table lists; result.json holds all."""
 LEAST_CHANCE = 0.0001
@@ -24,7 +25,7 @@ def tables(result: Comparison) -> list[Table]:
     """Return the comparison, in g·m²."""
     head = [
         "g·m²", "expected", "U (k = 2)", "mean of runs", "standard deviation", "measured", "U", "deviation",
-        "relative %", "E_n",
+        "relative %", "E_n", "with undeclared",
     ]  # fmt: skip
     columns = (
         result.expected.inertia, 2 * result.expected.standard_uncertainty, result.mean, result.standard_deviation,
@@ -38,8 +39,8 @@ def tables(result: Comparison) -> list[Table]:
             rounded(value, half), rounded(half, half), rounded(mean, spread), rounded(spread, spread),
             rounded(measured, wide), rounded(wide, wide), rounded(deviation, both),
         ]  # fmt: skip
-        relative, error = fixed(100 * result.relative_error[k], 2), fixed(result.normalised_error[k], 2)
-        rows.append([name, *figures, relative, error])
+        errors = result.normalised_error[k], result.normalised_error_with_undeclared[k]
+        rows.append([name, *figures, fixed(100 * result.relative_error[k], 2), *(fixed(error, 2) for error in errors)])
     return [Table(f"Expected: {result.reference.name}, g·m²", head, rows, f"{summary(result)}.")]
 
 
@@ -70,10 +71,14 @@ def findings(result: Comparison) -> list[str]:
     ]
     beyond = [name for name, e in zip(COMPONENTS, result.normalised_error, strict=True) if abs(e) > 1]
     beyond += [name for name, e in result.other_errors.items() if abs(e) > 1]
+    wide = [
+        name for name, e in zip(COMPONENTS, result.normalised_error_with_undeclared, strict=True) if not abs(e) <= 1
+    ]
     disagree = f"{', '.join(beyond)} differ{'s' * (len(beyond) == 1)} from {result.reference.name} beyond the "
+    but = "" if set(beyond) & {*wide, *result.other_errors} else EXPLAINED
     return [
         *result.reference.warnings,
-        *([f"{disagree}expanded uncertainties (|E_n| > 1)"] if beyond else []),
+        *([f"{disagree}expanded uncertainties (|E_n| > 1){but}"] if beyond else []),
         *_declared_otherwise(result),
         *explanations,
     ]
@@ -115,5 +120,6 @@ def _contributions(result: Comparison) -> list[Table]:
 EXPECTED = (
     "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
     "over the root of the sum of squares of both expanded uncertainties (k = 2; of the result half its interval of "
-    "95 %, where that is wider): satisfactory up to 1 (ISO 13528)."
+    "95 %, where that is wider): satisfactory up to 1 (ISO 13528). The last column is E_n with the result's second "
+    "interval, which holds undeclared errors at typical size."
 )

@@ -1,4 +1,4 @@
-"""The view of an identification: tensor, mass and centre of gravity, runs, what is not included, and its figures."""
+"""The view of an identification: tensor, mass and centre of gravity, runs, undeclared errors, and its figures."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,9 +9,9 @@ from identify.judge.findings import PAGE
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
-from identify.results.contributions import QUANTITIES, NotIncluded
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
+from identify.results.undeclared import QUANTITIES
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
@@ -24,8 +24,8 @@ MOST_DRAWN = 4
 """Runs whose residuals are drawn."""
 MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
-PARTS = ((1.0, "more than the half-width of its interval,"), (0.5, "more than half the half-width of its interval,"))
-"""Parts of an interval's half-width above which an effect is compared with it, and the words for it."""
+WIDE = "with undeclared errors"
+"""Heading of the second interval."""
 
 
 def title(result: Identification) -> str:
@@ -35,42 +35,63 @@ def title(result: Identification) -> str:
 
 
 def tables(result: Identification) -> list[Table]:
-    """Return the components in g·m², mass and centre of gravity, each run's estimate, and what is not included."""
+    """Return tensor, mass and centre of gravity, each run's estimate, and what undeclared errors add."""
     validation = [] if result.validation is None else result.validation.tables()
-    return [*overview(result), run_table(result), *not_included_tables(result), *validation]
+    return [*overview(result), run_table(result), *undeclared_tables(result), *validation]
 
 
 def overview(result: Identification) -> list[Table]:
-    """Return the components in g·m², and mass and centre of gravity."""
-    head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval"]
-    columns = zip(COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95, strict=True)
+    """Return the components in g·m², and mass and centre of gravity, each with both intervals."""
+    second = has_second(result)
+    head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
+    columns = zip(
+        COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95,
+        result.with_undeclared.interval95, strict=True,
+    )  # fmt: skip
     rows = []
-    for name, value, bias, uncertainty, (low, high) in columns:
+    for name, value, bias, uncertainty, ends, wide in columns:
         u = uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value)
         places = decimals(GRAM_METRE * u)
         shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
-        figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty, low, high)]
-        rows.append([name, shown, *figures[:2], f"{figures[2]} … {figures[3]}"])
+        figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty)]
+        rows.append([name, shown, *figures, _ends(GRAM_METRE * ends, places), *_second(GRAM_METRE * wide, second)])
     return [Table("", head, rows), _mass_and_centre(result)]
 
 
+def has_second(result: Identification) -> bool:
+    """Return whether a second interval is known and differs from the first."""
+    return bool(result.undeclared and result.undeclared.effects)
+
+
+def _ends(ends: np.ndarray, places: int) -> str:
+    low, high = (fixed(end, places) for end in ends)
+    return f"{low} … {high}"
+
+
+def _second(ends: np.ndarray, second: bool) -> list[str]:
+    """The second interval to two digits of half of it, where there is one."""
+    half = float(np.ptp(ends)) / 2
+    return [_ends(ends, decimals(half)) if half > 0 else "–"] * second
+
+
 def _mass_and_centre(result: Identification) -> Table:
-    """Value, standard uncertainty and interval of mass and centre of gravity; – for what is not known."""
-    ten, rows = result.parameters, []
-    for name, unit, value, u, (low, high) in zip(
+    """Value, standard uncertainty and intervals of mass and centre of gravity; – for what is not known."""
+    ten, wide, second, rows = result.parameters, result.with_undeclared, has_second(result), []
+    for name, unit, value, u, ends, wide_ends in zip(
         mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty,
-        mass_and_centre.interval95(ten, result.centre_factor), strict=False,
+        mass_and_centre.interval95(ten, result.centre_factor),
+        mass_and_centre.interval95(wide.parameters, wide.centre_factor), strict=False,
     ):  # fmt: skip
         if not np.isfinite(value):
-            rows.append([name, "–", "–", "–"])
-        elif not u > 0:
-            rows.append([name, *exact([unit * value]), "–", "–"])
-        else:
+            rows.append([name, *["–"] * (3 + second)])
+            continue
+        if u > 0:
             places = decimals(unit * u)
-            low, high = (fixed(unit * x, places) for x in (low, high))
-            shown = beside_uncertainty(unit * value, unit * u)
-            rows.append([name, shown, fixed(unit * u, places), f"{low} … {high}"])
-    head = ["", "value", "standard uncertainty", "95 % interval"]
+            figures = [beside_uncertainty(unit * value, unit * u), fixed(unit * u, places), _ends(unit * ends, places)]
+        else:
+            figures = [*exact([unit * value]), "–", "–"]
+        rows.append([name, *figures, *_second(unit * wide_ends, second)])
+    head = ["", "value", "standard uncertainty", "95 % interval", *[WIDE] * second]
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
 
@@ -87,21 +108,22 @@ def run_table(result: Identification) -> Table:
     return Table("Runs, components in g·m²", head, rows, RUN_NOTE)
 
 
-def not_included_tables(result: Identification) -> list[Table]:
-    """Return what each error that the intervals do not hold would add, in g·m², g and mm, where that is known."""
-    if not (result.not_included and result.not_included.effects):
+def undeclared_tables(result: Identification) -> list[Table]:
+    """Return what each error that only the second intervals hold adds, in g·m², g and mm, where that is known."""
+    if not (result.undeclared and result.undeclared.effects):
         return []
-    effects = result.not_included.effects
-    estimated = any(effect.parameters[:4].any() for effect in effects)
-    shown = slice(0 if estimated else 4, 10)
+    effects = result.undeclared.effects
+    with_centre = any(effect.parameters[:4].any() for effect in effects)
+    shown = slice(0 if with_centre else 4, 10)
     unit = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])
     rows = []
     for effect in effects:
         figures = (unit * effect.parameters)[shown]
         rows.append([effect.text, effect.figure, *(two_digits(x, effect.signed) for x in figures)])
-    head = ["", "typical", *(("mass", "r1", "r2", "r3") if estimated else ()), *COMPONENTS]
-    units = "g·m²; mass in g, centre of gravity in mm" if estimated else "g·m²"
-    return [Table(f"Not included in these intervals: what each would add, {units}", head, rows, NOT_INCLUDED_NOTE)]
+    rows.append(["together", "", *(two_digits(x) for x in (unit * result.undeclared.standard_uncertainty)[shown])])
+    head = ["", "typical", *(("mass", "r1", "r2", "r3") if with_centre else ()), *COMPONENTS]
+    units = "g·m²; mass in g, centre of gravity in mm" if with_centre else "g·m²"
+    return [Table(f"Undeclared errors at typical size: standard uncertainties, {units}", head, rows, UNDECLARED_NOTE)]
 
 
 def notes(result: Identification) -> list[str]:
@@ -116,7 +138,7 @@ def notes(result: Identification) -> list[str]:
         *(f"warning: {text}" for text in result.warnings),
         *explained(result),
         *([] if bodies is None else [f"physical limits: {bodies}"]),
-        *_not_included(result),
+        *_undeclared(result),
         *([f"held out: {result.validation.text}"] if result.validation and result.validation.explained else []),
         *([] if axes is None else [f"principal axes: {axes}"]),
         *(f"assumed: {text}" for text in result.assumptions),
@@ -169,33 +191,14 @@ def _offsets(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> Iterator[st
             yield f"{run.file}: offsets removed: moment about the CG ({moment}) N·m{force}"
 
 
-def _not_included(result: Identification) -> Iterator[str]:
-    """A line on the largest error that is not included; mass and centre count where the runs tell them."""
-    if result.not_included and result.not_included.effects:
-        half = np.nan_to_num(result.coverage_factors * result.parameters.standard_uncertainty)[:4]
-        estimated = result.centre_from == mass_and_centre.ESTIMATED
-        yield largest_not_included(result.not_included, result.interval95, half if estimated else np.zeros(4))
-
-
-def largest_not_included(errors: NotIncluded, interval95: np.ndarray, centre: np.ndarray) -> str:
-    """Return the largest effect that is not included, over half the interval of its quantity, in words.
-
-    Args:
-        errors: that are not included, one or more.
-        interval95: of the components, (6, 2) [kg·m²].
-        centre: half the intervals of mass [kg] and r_CG [m]; zero where the estimate does not find them.
-    """
-    half = np.concatenate([centre, np.ptp(interval95, axis=1) / 2])
-    added = np.abs([effect.parameters for effect in errors.effects])
-    ratio = np.nan_to_num(np.where(half > 0, added, 0.0) / np.maximum(half, 1e-300), posinf=0.0)
-    row, at = np.unravel_index(np.argmax(ratio), ratio.shape)
-    effect, (name, unit, factor) = errors.effects[row], QUANTITIES[at]
-    than = next((words for part, words in PARTS if ratio[row, at] > part), None)
-    comparison = "" if than is None else f", {than} {two_digits(factor * half[at])} {unit}"
-    return (
-        f"not included: {effect.text}, at a typical {effect.figure}, which would add "
-        f"{two_digits(factor * added[row, at])} {unit} to {name}{comparison}; see the certificate"
-    )
+def _undeclared(result: Identification) -> Iterator[str]:
+    """A line on the undeclared error that widens an interval most."""
+    gap = result.undeclared and result.undeclared.largest(result.parameters.standard_uncertainty)
+    if gap:
+        yield (
+            f"undeclared: {gap.effect.text}, at a typical {gap.effect.figure}, is {100 * gap.share:.0f} % of u² of "
+            f"{QUANTITIES[gap.parameter][0]} with undeclared errors: declare it, or write your figure in [undeclared]"
+        )
 
 
 def two_digits(value: float, signed: bool = False) -> str:
@@ -268,7 +271,7 @@ RESIDUALS = (
     "the moment itself."
 )
 RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
-NOT_INCLUDED_NOTE = (
-    "Neither declared as a source nor estimated. Standard uncertainties at the typical figure, to first order; with a "
-    "sign: a bias. The figures are those of [not_included]. With a fixture: of all that stood on the load cell."
+UNDECLARED_NOTE = (
+    "Neither declared as a source nor estimated: the second intervals hold them. To first order; with a sign: a bias, "
+    "which counts as a standard uncertainty. The figures are those of [undeclared]."
 )

@@ -1,4 +1,4 @@
-"""What the intervals do not hold, at typical figures: against a laboratory that has these errors.
+"""What undeclared errors add at typical figures, to second intervals: against a laboratory that has these errors.
 
 The judges are least squares in their plainest form (tests/helpers/troubles.py) and the joint estimate of spoiled recordings.
 """
@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from identify import identification
-from identify.results.contributions import Effect, NotIncluded
+from identify.results.undeclared import QUANTITIES, Effect, Undeclared
 from tests.helpers.laboratory import Setup, cell_reading, measure
 from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
-from uq.identification.not_included import with_not_included
-from uq.report.certificate.certificate import Certificate, largest_beside
-from uq.report.tables.identification import largest_not_included, not_included_tables
+from uq.identification.undeclared import with_undeclared
+from uq.report.certificate.certificate import Certificate
+from uq.report.tables.identification import undeclared_tables
 
 SHORT = {"seconds": 15.0}
 UNIT = np.eye(6)
@@ -26,7 +26,7 @@ UNIT = np.eye(6)
 
 def added(result):
     """What each adds to the ten parameters, by name."""
-    return {effect.name: effect.parameters for effect in result.not_included.effects}
+    return {effect.name: effect.parameters for effect in result.undeclared.effects}
 
 
 def ten(result):
@@ -36,7 +36,7 @@ def ten(result):
 def looked_at(measured, method):
     """The result of arrays with what it does not include."""
     experiment = Experiment.from_dict(document(measured, method))
-    return with_not_included(identified(measured, method), [run_of(measured)], experiment)
+    return with_undeclared(identified(measured, method), [run_of(measured)], experiment)
 
 
 def axes(option, size, count=3):
@@ -81,11 +81,13 @@ def talk(measured, part):
 SMALLER = 20
 """The square of 1 ms does a third as much to a moment as 1 ms to a product: a twentieth of it is tried."""
 TROUBLES = {
-    "force_gain": lambda _: [{"cell_gain": tuple(0.005 * unit)} for unit in UNIT[:3]],
-    "moment_gain": lambda _: [{"cell_gain": tuple(0.005 * unit)} for unit in UNIT[3:]],
-    "cross_talk": lambda measured: talk(measured, 0.005),
+    "force_gain": lambda _: [{"cell_gain": (0.0025,) * 3 + (0.0,) * 3}],
+    "force_gain_by_axis": lambda _: [{"cell_gain": tuple(0.0025 * unit)} for unit in UNIT[:3]],
+    "moment_gain": lambda _: [{"cell_gain": (0.0,) * 3 + (0.0025,) * 3}],
+    "moment_gain_by_axis": lambda _: [{"cell_gain": tuple(0.0025 * unit)} for unit in UNIT[3:]],
+    "cross_talk": lambda measured: talk(measured, 0.0015),
     "load_cell_axes": lambda _: axes("cell_turn", 0.005),
-    "gyro_scale": lambda _: axes("gyro_scale", 0.005),
+    "gyro_scale": lambda _: axes("gyro_scale", 0.003),
     "gyro_axes": lambda _: axes("gyro_turn", 0.005),
     "delay": lambda _: [{"imu_delay": 0.001 / SMALLER}],
     "mounting_frequency": lambda _: [{"flex_frequency": 50.0}],
@@ -111,7 +113,7 @@ def test_generalised_least_squares_is_off_as_the_table_says(measured, monkeypatc
     monkeypatch.setattr(identification, "judged", lambda result, problem: result)
     clean = identified(measured, "gls").inertia
     shifts = [
-        identified(replace(measured, omega=measured.omega * (1 + 0.005 * unit)), "gls").inertia - clean
+        identified(replace(measured, omega=measured.omega * (1 + 0.003 * unit)), "gls").inertia - clean
         for unit in np.eye(3)
     ]
     off = np.linalg.norm(shifts, axis=0)
@@ -136,7 +138,7 @@ def test_the_joint_estimate_is_off_as_the_table_says(still, jointly, monkeypatch
     monkeypatch.setattr(identification, "judged", lambda result, problem: result)
     scale = 5e-4 * np.array([1.0, -1.0, 1.0])
     by_scale = jointly.by_held_errors["gyro_scale"]
-    np.testing.assert_allclose(added(jointly)["gyro_scale"], 0.005 * np.linalg.norm(by_scale, axis=1))
+    np.testing.assert_allclose(added(jointly)["gyro_scale"], 0.003 * np.linalg.norm(by_scale, axis=1))
     stiff = added(jointly)["mounting_frequency"] / 16
     for options, expected in (({"gyro_scale": tuple(scale)}, by_scale @ scale), ({"flex_frequency": 200.0}, stiff)):
         off = ten(identified(measure(1, still.setup, **options), "joint")) - ten(jointly)
@@ -148,27 +150,28 @@ def test_the_joint_estimate_is_off_as_the_table_says(still, jointly, monkeypatch
 def test_an_unknown_is_not_there(by_source, jointly):
     """By least squares gravity does nothing; of the joint estimate delay and the gyro's axes are unknowns."""
     assert by_source.warnings == ()
-    assert set(added(by_source)) == set(TROUBLES)
-    assert set(added(jointly)) == {*TROUBLES, "gravity"} - {"delay", "gyro_axes"}
+    assert set(added(by_source)) == {*TROUBLES, "mass"}
+    assert set(added(jointly)) == {*TROUBLES, "gravity", "mass"} - {"delay", "gyro_axes"}
 
 
 def again(result, measured, without=(), sources=(), **own):
-    """What is not included with these sources, without others, and with an experiment's own figures."""
-    content = document(measured, sources=sources) | {"not_included": own}
+    """What undeclared errors add with these sources, without others, and with an experiment's own figures."""
+    content = document(measured, sources=sources) | {"undeclared": own}
     content["source"] = [table for table in content["source"] if table["name"] not in without]
-    return added(with_not_included(result, [run_of(measured)], Experiment.from_dict(content)))
+    return added(with_undeclared(result, [run_of(measured)], Experiment.from_dict(content)))
 
 
 def test_what_is_declared_is_not_there(by_source, measured):
     declared = [source("g", "omega", "scale", [0.3] * 3), source("c", "wrench", "cross_talk", 5e-3)]
-    assert set(again(by_source, measured, sources=declared)) == set(TROUBLES) - {"gyro_scale", "cross_talk"}
+    assert set(again(by_source, measured, sources=declared)) == {*TROUBLES, "mass"} - {"gyro_scale", "cross_talk"}
 
 
 def test_the_experiment_has_its_own_figures(by_source, measured):
     """Half the gain is half the effect, twice the frequency a quarter, false is none; an exact r_CG has its price."""
     usual = again(by_source, measured)
-    names = ("cross_talk", "moment_gain", "load_cell_axes", "gyro_scale", "gyro_axes", "delay")
-    own = {"force_gain": "0.25 %", "mounting_frequency": "100 Hz"} | dict.fromkeys(names, False)
+    names = ("force_gain_by_axis", "cross_talk", "moment_gain", "moment_gain_by_axis", "load_cell_axes", "gyro_scale",
+             "gyro_axes", "delay", "mass")  # fmt: skip
+    own = {"force_gain": "0.125 %", "mounting_frequency": "100 Hz"} | dict.fromkeys(names, False)
     exact = replace(by_source, sigma_r_cg=np.zeros(3))
     ours = again(exact, measured, without=("r_cg",), **own)
     assert set(ours) == {"force_gain", "mounting_frequency", "centre_of_gravity"}
@@ -181,60 +184,83 @@ def test_the_experiment_has_its_own_figures(by_source, measured):
 
 def test_where_all_is_declared_nothing_is_left_out(by_source, measured):
     """But gravity, to which least squares are blind: nothing is left to be computed."""
+    by_source = replace(by_source, mass_uncertainty=0.01)
     names = {"gyro_axes": ("omega", "misalignment"), "load_cell_axes": ("wrench", "misalignment"), "gyro_scale": ("omega", "scale"),
              "force_gain": ("F", "scale"), "moment_gain": ("M", "scale")}  # fmt: skip
     declared = [source(name, *pair, [0.3] * 3) for name, pair in names.items()]
     declared += [source("talk", "wrench", "cross_talk", 5e-3), source("late", "omega", "delay", 1e-3)]
-    content = document(measured, sources=declared) | {"not_included": {"mounting_frequency": False}}
-    result = with_not_included(by_source, [run_of(measured)], Experiment.from_dict(content))
-    assert result.not_included.effects == ()
-    assert not_included_tables(result) == []
-    assert not any(note.startswith("not included") for note in result.notes())
+    content = document(measured, sources=declared) | {"undeclared": {"mounting_frequency": False}}
+    result = with_undeclared(by_source, [run_of(measured)], Experiment.from_dict(content))
+    assert result.undeclared.effects == ()
+    assert undeclared_tables(result) == []
+    assert not any(note.startswith("undeclared") for note in result.notes())
+
+
+def effect(name, values, signed=False):
+    return Effect(name=name, text=name, figure="1", changes=1e-3 * np.array(values)[:, None], signed=signed)
 
 
 def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
-    one, other = (Effect(name, name, "1", 1e-3 * np.array(values), signed) for name, values, signed in
-                  (("a", [3.0, 0, 0, 0, 3, 0, 0, 0, 0, 0], False), ("b", [-4.0, 0, 0, 0, 4, 0, 0, 0, 0, 0], True)))  # fmt: skip
-    both, u = NotIncluded((one, other)), 1e-3 * np.array([1.0, 1, 1, 1, 50, 1, 1, 1, 1, 1])
-    np.testing.assert_allclose(both.together, 1e-3 * np.array([5.0, 0, 0, 0, 5, 0, 0, 0, 0, 0]))
+    both = Undeclared(
+        (effect("a", [3.0, 0, 0, 0, 3, 0, 0, 0, 0, 0]), effect("b", [-4.0, 0, 0, 0, 4, 0, 0, 0, 0, 0], True))
+    )
+    u = 1e-3 * np.array([1.0, 1, 1, 1, 50, 1, 1, 1, 1, 1])
+    np.testing.assert_allclose(both.standard_uncertainty, 1e-3 * np.array([5.0, 0, 0, 0, 5, 0, 0, 0, 0, 0]))
+    assert both.covariance[0, 4] == pytest.approx(9e-6 - 16e-6)
     assert both.share(u) == (pytest.approx(5.0), 0)
-    assert largest_beside(both, u) == "5.0 g in the mass beside u = 1.0"
+    assert both.largest(u)[1:] == (0, pytest.approx(16 / 26))
     u[0] = np.nan
     assert both.share(u) == (pytest.approx(0.1), 4)
-    assert NotIncluded(()).share(u)[0] == 0
+    assert both.largest(u)[1:] == (4, pytest.approx(16 / 2525))
+    assert Undeclared(()).share(u)[0] == 0
+    assert Undeclared(()).largest(u) is None
+
+
+def test_the_second_interval_holds_both_kinds_of_errors(by_source):
+    """Half-widths add in squares, covariances add; with nothing undeclared both intervals are one."""
+    wide, added = by_source.with_undeclared, by_source.undeclared
+    half, wide_half = (np.ptp(result.interval95, axis=1) / 2 for result in (by_source, wide))
+    np.testing.assert_allclose(wide_half**2 - half**2, 1.959964**2 * np.diag(added.covariance)[4:], rtol=1e-5)
+    np.testing.assert_allclose(wide.interval95.mean(axis=1), by_source.interval95.mean(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.nan_to_num(wide.parameters.covariance - by_source.parameters.covariance - added.covariance), 0, atol=1e-15
+    )
+    np.testing.assert_array_equal(by_source.interval95_with_undeclared, wide.interval95)
+    complete = replace(by_source, undeclared=Undeclared())
+    np.testing.assert_array_equal(complete.interval95_with_undeclared, by_source.interval95)
+    assert replace(by_source, undeclared=None).interval95_with_undeclared is None
+
+
+def test_an_exact_mass_and_centre_err_as_the_table_says(still, monkeypatch):
+    """The joint estimate keeps both as stated: against one with another mass or, a tenth as far off, centre; 4 % of the largest."""
+    content = document(still, "joint")
+    content["source"] = [table for table in content["source"] if table["name"] != "r_cg"]
+    exact = {"sigma_r_cg": np.zeros(3)}
+    plain = identified(still, "joint", **exact)
+    result = with_undeclared(plain, [run_of(still)], Experiment.from_dict(content))
+    changes = {effect.name: effect.changes for effect in result.undeclared.effects}
+    monkeypatch.setattr(identification, "judged", lambda result, problem: result)
+    for stated, expected in (
+        ({"mass": 1.001 * still.mass}, changes["mass"][:, 0]),
+        ({"r_cg": still.r_cg + [0, 1e-4, 0]}, 0.1 * changes["centre_of_gravity"][:, 1]),
+    ):
+        off = ten(identified(still, "joint", **(exact | stated))) - ten(plain)
+        for rows in (slice(0, 1), slice(1, 4), slice(4, 10)):
+            atol = max(0.04 * np.abs(expected[rows]).max(), 5e-7)
+            np.testing.assert_allclose(-off[rows], expected[rows], atol=atol)
+    wide = result.with_undeclared.parameters.standard_uncertainty
+    np.testing.assert_allclose(wide[:4], [1e-3 * still.mass, 1e-3, 1e-3, 1e-3], rtol=1e-6)
 
 
 def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
-    (line,) = (note for note in by_source.notes() if note.startswith("not included"))
-    assert "more than the half-width of its interval" in line
-    rows = json.loads(json.dumps(by_source.to_dict()))["not_included"]
-    assert {row["name"]: row["inertia"]["I33"] for row in rows}["moment_gain"] == pytest.approx(1.92e-3, rel=0.01)
-    (table,) = (table for table in Certificate(by_source).details() if table.caption.startswith("Not included"))
-    assert [row[0] for row in table.rows][:2] == ["gain of the force", "gain of the moment"]
-    assert table.caption in [each.caption for each in by_source.tables()]
-
-
-@pytest.mark.parametrize(
-    ("half", "said"),
-    [(9.0, "to I33; see"), (1.5, "to I33, more than half the half-width of its interval, 1.5 g·m²; see"),
-     (0.5, "to I33, more than the half-width of its interval, 0.50 g·m²; see")],
-)  # fmt: skip
-def test_the_line_names_the_largest_against_its_interval(half, said):
-    """Not the largest figure: I11 moves more, in a wider interval."""
-    parameters = 1e-3 * np.array([0, 0, 0, 0, 2.0, 0, 0, 0, 0, 1.0])
-    interval = 1e-3 * half * np.array([10.0, 9, 9, 9, 9, 1])[:, None] * [-1, 1]
-    effects = (Effect("moment_gain", "gain of the moment", "0.5 %", parameters, False),)
-    line = largest_not_included(NotIncluded(effects), interval, np.zeros(4))
-    assert line.startswith("not included: gain of the moment, at a typical 0.5 %, which would add 1.0 g·m² ")
-    assert said in line
-
-
-def test_the_line_names_a_mass_that_is_estimated():
-    """Six grams are little beside the tensor's, and twelve times the half-width of the mass's own interval."""
-    effects = (Effect("force_gain", "gain of the force", "0.5 %", 1e-3 * np.array([6.0] + [0] * 3 + [1.0] * 6), False),)
-    interval = 1e-3 * np.full((6, 1), 0.2) * [-1, 1]
-    line = largest_not_included(NotIncluded(effects), interval, np.array([0.5e-3, 1e-5, 1e-5, 1e-5]))
-    assert "6.0 g to the mass, more than the half-width of its interval, 0.50 g; see" in line
-    assert "to I11" in largest_not_included(
-        NotIncluded(effects), interval, np.zeros(4)
-    )  # a mass that is declared is none of the estimate's
+    (line,) = (note for note in by_source.notes() if note.startswith("undeclared"))
+    gap = by_source.undeclared.largest(by_source.parameters.standard_uncertainty)
+    assert f"{100 * gap.share:.0f} % of u² of {QUANTITIES[gap.parameter][0]}" in line
+    content = json.loads(json.dumps(by_source.to_dict()))
+    rows = {row["name"]: row["inertia"]["I33"] for row in content["not_included"]}
+    assert rows["moment_gain"] == pytest.approx(0.96e-3, rel=0.02)
+    np.testing.assert_allclose(content["interval95_with_undeclared"]["I33"], by_source.interval95_with_undeclared[5])
+    (table,) = (table for table in Certificate(by_source).details() if table.caption.startswith("Undeclared errors"))
+    assert [row[0] for row in table.rows][:2] == ["common gain of the force", "gain of each force"]
+    assert table.caption in [entry.caption for entry in by_source.tables()]
+    assert "with undeclared errors" in by_source.tables()[0].head

@@ -1,4 +1,4 @@
-"""The table ``[not_included]`` of an experiment file: typical figures of errors of the rig that nobody declares."""
+"""The table ``[undeclared]`` of an experiment file: typical figures of errors of the rig that nobody declares."""
 
 from typing import Annotated, Any
 
@@ -22,22 +22,25 @@ def typical(unit: str) -> msgspec.Meta:
     return written(read, {"anyOf": [quantity_schema(unit), {"const": False}]})
 
 
-class NotIncludedTable(TomlTable, frozen=True, kw_only=True):
-    """``[not_included]``: typical standard uncertainties of errors that are not declared; false: there is none.
+class UndeclaredTable(TomlTable, frozen=True, kw_only=True):
+    """``[undeclared]``: typical standard uncertainties of errors that are not declared; false: there is none.
 
-    What each would do to the tensor is said beside the result. docs/how-to/identify.md gives the figures and their
-    reasons.
+    The second interval of a result holds them. docs/how-to/identify.md gives the figures and where they are from.
     """
 
-    force_gain: Annotated[float | None, typical("%")] = 0.005
-    """Gain error of each channel of the force."""
-    moment_gain: Annotated[float | None, typical("%")] = 0.005
-    """Gain error of each channel of the moment."""
-    cross_talk: Annotated[float | None, typical("%")] = 0.005
+    force_gain: Annotated[float | None, typical("%")] = 0.0025
+    """Gain error common to the three channels of the force."""
+    force_gain_by_axis: Annotated[float | None, typical("%")] = 0.0025
+    """Gain error of each channel of the force beside the common one."""
+    moment_gain: Annotated[float | None, typical("%")] = 0.0025
+    """Gain error common to the three channels of the moment."""
+    moment_gain_by_axis: Annotated[float | None, typical("%")] = 0.0025
+    """Gain error of each channel of the moment beside the common one."""
+    cross_talk: Annotated[float | None, typical("%")] = 0.0015
     """Cross-talk to each channel from every other component, in parts of the largest recorded force and moment."""
     load_cell_axes: Annotated[float | None, typical("rad")] = 0.005
     """Misalignment of the load cell with the body, about each axis."""
-    gyro_scale: Annotated[float | None, typical("%")] = 0.005
+    gyro_scale: Annotated[float | None, typical("%")] = 0.003
     """Scale error of each axis of the gyro."""
     gyro_axes: Annotated[float | None, typical("rad")] = 0.005
     """Misalignment of the gyro with the body, about each axis."""
@@ -46,9 +49,15 @@ class NotIncludedTable(TomlTable, frozen=True, kw_only=True):
     mounting_frequency: Annotated[float | None, typical("Hz")] = 50.0
     """Frequency of the body's vibration on its mounting about each axis; load cell and IMU stay on the platform's
     side."""
+    mass: Annotated[float | None, typical("%")] = 0.001
+    """Error of the mass, where it counts as exact."""
     centre_of_gravity: Annotated[float | None, typical("m")] = 0.001
     """Error of the centre of gravity on each axis, where the estimate takes it as exact."""
-    gravity: Annotated[float | None, typical("m/s^2")] = 0.02
+    gravity: Annotated[float | None, typical("m/s^2")] = 0.015
     """Local gravity less the stated one."""
-    accelerometer_scale: Annotated[float | None, typical("%")] = 0.005
+    accelerometer_scale: Annotated[float | None, typical("%")] = 0.003
     """Scale error of each axis of the accelerometer, where the estimate takes the specific force from it."""
+
+
+NONE = UndeclaredTable(**dict.fromkeys(UndeclaredTable.__struct_fields__))
+"""``undeclared = "none"``: the experiment declares all errors that there are."""
