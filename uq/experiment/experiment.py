@@ -136,7 +136,7 @@ class Experiment(Shown):
             raise ExperimentError(f"several bodies in [body] ({listed(bodies)}): this takes a file with one [body]")
         report = plain_values(document.get("report", {}))
         refuse_claims(report)
-        file, folder = declared_table("", document, ExperimentFile), Path(folder)
+        file, folder = declared_table("", _with_new_names(document), ExperimentFile), Path(folder)
         sources, mixing = sources_of(file.source, file.correlation, folder)
         body, platform, recording = file.body or BodyTable(), file.platform, file.recording
         if recording.urdf is not None:
@@ -151,7 +151,8 @@ class Experiment(Shown):
             estimators=tuple(table.spec for table in file.estimator), sources=sources, mixing=mixing,
             recording=recording, poses=file.poses, geometry=platform.legs,
             limits=None if platform.limits is None else platform.limits.limits, arm=platform.arm(folder),
-            document=document, folder=folder, report=report, undeclared=_undeclared(file), **stated,
+            document=document, folder=folder, report=report,
+            undeclared=NONE if file.undeclared == "none" else file.undeclared, **stated,
         )  # fmt: skip
         return replace(experiment, as_read=experiment._in_si())
 
@@ -320,9 +321,11 @@ class Experiment(Shown):
         return declared_sigma(self.sources, "r_cg")
 
 
-def _undeclared(file: ExperimentFile) -> UndeclaredTable:
-    stated = file.undeclared or file.not_included or UndeclaredTable()
-    return NONE if isinstance(stated, str) else stated
+def _with_new_names(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The content with ``[not_included]``, an old name, as ``[undeclared]``; both together stay, and are refused."""
+    if "undeclared" in document:
+        return document
+    return {"undeclared" if key == "not_included" else key: value for key, value in document.items()}
 
 
 def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:

@@ -74,9 +74,7 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
     recording: RecordingTable = RecordingTable()
-    undeclared: UndeclaredTable | Literal["none"] | None = None
-    not_included: UndeclaredTable | None = None
-    """Old name of ``undeclared``."""
+    undeclared: UndeclaredTable | Literal["none"] = UndeclaredTable()
     poses: Poses | None = None
     scale: ScaleTable | None = None
     datum: DatumTable | None = None
@@ -92,8 +90,6 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
             raise WrongKeyError(
                 "", f"unknown estimator '{self.recording.estimator}' at recording.estimator: name one of [[estimator]]"
             )
-        if self.undeclared is not None and self.not_included is not None:
-            raise WrongKeyError("", "not_included is the old name of undeclared: keep one of them")
         mass = None if self.body is None else self.body.mass
         if mass is not None and self.scale is not None:
             read, sigma = self.scale.value

@@ -55,7 +55,7 @@ def test_the_old_name_is_read():
     body = {"r_cg_from_q": quantities([0, 0, 0.05], "m")}
     old = Experiment.from_dict({"not_included": {"delay": False}, "body": body})
     assert old.undeclared.delay is None
-    with pytest.raises(ExperimentError, match=r"^not_included is the old name of undeclared: keep one of them$"):
+    with pytest.raises(ExperimentError, match=r"^unknown key not_included"):
         Experiment.from_dict({"not_included": {}, "undeclared": {}, "body": body})
 
 
