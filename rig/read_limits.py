@@ -34,29 +34,28 @@ class UnpackBudget:
         name: of the file, for messages.
         read: bytes read of the file so far.
         unpacked: bytes that came of them.
+        inside: the following bytes are unpacked from the file: they earn no allowance.
+        piece: the largest number of bytes that are held at once.
     """
 
     name: PathLike
     read: int = 0
     unpacked: int = 0
+    inside: bool = False
 
     def __post_init__(self) -> None:
         extra = _raised()
-        self._allowance, self._piece, self._inside = max(ALLOWANCE, extra), max(PIECE, extra), False
+        self._allowance, self.piece = max(ALLOWANCE, extra), max(PIECE, extra)
 
     def reached(self, position: int) -> None:
         """So many bytes of the file have been read."""
-        if not self._inside:
+        if not self.inside:
             self.read = position
-
-    def step_inside(self) -> None:
-        """Count the following bytes as unpacked from the file: they earn no allowance."""
-        self._inside = True
 
     @property
     def left(self) -> int:
         """The largest number of bytes that may come next."""
-        return max(0, min(self._piece, self._allowance + RATIO * self.read - self.unpacked))
+        return max(0, min(self.piece, self._allowance + RATIO * self.read - self.unpacked))
 
     def take(self, count: int) -> None:
         """Count what was unpacked, or is about to be. Raises ``UnpackError`` when it is more than ``left``."""
@@ -64,14 +63,9 @@ class UnpackBudget:
             raise self.exceeded()
         self.unpacked += count
 
-    @property
-    def piece(self) -> int:
-        """The largest number of bytes that are held at once."""
-        return self._piece
-
     def exceeded(self) -> UnpackError:
         """The error for more than ``left``."""
-        allowance, piece = f"{self._allowance / 2**20:g} MiB", f"{self._piece / 2**20:g} MiB"
+        allowance, piece = f"{self._allowance / 2**20:g} MiB", f"{self.piece / 2**20:g} MiB"
         return UnpackError(
             f"too much to unpack in {self.name}: over {allowance} and {RATIO} times the {self.read} bytes read, "
             f"or {piece} at once; if you trust the file, set {VARIABLE}=4 or more"

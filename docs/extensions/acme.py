@@ -39,7 +39,6 @@ class AcmeParser(Parser):
 class Acme(Device):
     """Options: ``rate`` [Hz]."""
 
-    KIND = "acme"
     MEASURES = "wrench"
     BAUDRATE = 921600
     FRAME_BYTES = FRAME.size

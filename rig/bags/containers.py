@@ -72,7 +72,7 @@ class ZstdFile(ContainerFile):
         with tempfile.TemporaryDirectory(prefix="inertia-") as folder:
             file = Path(folder, "unpacked")
             self.sha256 = _unpack(self.path, file, self.budget)
-            self.budget.step_inside()
+            self.budget.inside = True
             self._inner = container_file(file, self.budget)
             if isinstance(self._inner, ZstdFile):
                 raise RigError(f"zstd within zstd {self.name}: unpack it first")

@@ -172,7 +172,6 @@ class AtiNetFt(Device):
     filter and tool transform are left as they are and recorded.
     """
 
-    KIND = "ati-net-ft"
     MEASURES = "wrench"
     END = request(STOP)
     BAUDRATE = 0

@@ -64,7 +64,6 @@ class Emulator(ABC):
 class Device(ABC):
     """One kind of device with its options. Options are keyword arguments, checked against ``OPTIONS``."""
 
-    KIND: ClassVar[str]
     MEASURES: ClassVar[Measures]
     BAUDRATE: ClassVar[int]
     FRAME_BYTES: ClassVar[int]  # of one sample, for its time on the wire
@@ -84,11 +83,11 @@ class Device(ABC):
             default = self.OPTIONS.get(name)
             if name not in self.OPTIONS:
                 accepted = ", ".join(self.OPTIONS) or "none"
-                raise RigError(f"unknown option {quoted(name)} of device kind '{self.KIND}': it takes {accepted}")
+                raise RigError(f"unknown option {quoted(name)} of device kind '{self.kind}': it takes {accepted}")
             number = isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool)
             if not number and type(value) is not type(default):
                 raise RigError(
-                    f"option '{name}' of device kind '{self.KIND}' is {quoted(value)}: give a {_kind(default)}"
+                    f"option '{name}' of device kind '{self.kind}' is {quoted(value)}: give a {_kind(default)}"
                 )
         self.options = {**self.OPTIONS, **options}
         self._check_rate()
@@ -98,9 +97,14 @@ class Device(ABC):
         rate, default = self.options.get("rate", LEAST_RATE), self.OPTIONS.get("rate")
         if not ((isinstance(rate, int | float) and LEAST_RATE <= rate <= MOST_RATE) or rate == default):
             raise RigError(
-                f"option 'rate' of device kind '{self.KIND}' is out of range: "
+                f"option 'rate' of device kind '{self.kind}' is out of range: "
                 f"give a number from {LEAST_RATE:g} to {MOST_RATE:g} Hz"
             )
+
+    @property
+    def kind(self) -> str:
+        """Name of the device's kind in a rig file: of its module, with ``-`` for ``_``."""
+        return type(self).__module__.rpartition(".")[2].replace("_", "-")
 
     @property
     def measures(self) -> Measures:

@@ -57,7 +57,6 @@ class Bota(Device):
     The sensor's own offsets and its saved settings are left as they are.
     """
 
-    KIND = "bota"
     MEASURES = "wrench"
     END = b"C\n"
     BAUDRATE = 460800

@@ -101,7 +101,6 @@ class Line(Device):
     ``whole_lines`` says that the first byte is the start of a line, as in a UDP datagram.
     """
 
-    KIND = "line"
     ASKED = False  # it cannot answer
     MEASURES = "values"
     BAUDRATE = 115200

@@ -100,7 +100,6 @@ def find_field(data: bytes, descriptor_set: int, descriptor: int, start: bytes =
 class MicroStrain(Device):
     """Options: ``rate`` [Hz] of acceleration and angular rate, a whole fraction of the base rate; ``configure``."""
 
-    KIND = "microstrain"
     MEASURES = "imu"
     END = packet(BASE, field(IDLE))
     BAUDRATE = 115200

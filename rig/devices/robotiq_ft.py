@@ -89,7 +89,6 @@ class RobotiqParser(Parser):
 class RobotiqFt(Device):
     """Options of the device: ``configure``. It streams at 100 Hz. The sensor's zero is left as it is."""
 
-    KIND = "robotiq-ft"
     MEASURES = "wrench"
     END = END_OF_STREAM
     BAUDRATE = 19200

@@ -82,7 +82,6 @@ class Robotous(Device):
     ``model`` decides the torque's scale where the sensor is not asked.
     """
 
-    KIND = "robotous"
     MEASURES = "wrench"
     END = command(STOP)
     BAUDRATE = 115200

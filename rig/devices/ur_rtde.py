@@ -128,7 +128,6 @@ class UrRtde(Device):
     wrench along the base's axes is turned to the tool's by ``actual_TCP_pose``.
     """
 
-    KIND = "ur-rtde"
     MEASURES = "wrench"
     END = package(PAUSE)
     BAUDRATE = 0

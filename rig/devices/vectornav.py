@@ -111,7 +111,6 @@ def identify() -> Generator[Send | Listen, Heard, tuple[str, str, str]]:
 class VectorNav(Device):
     """Options: ``rate`` [Hz], a whole fraction of 800; ``mask``, the binary output of group 1; ``configure``."""
 
-    KIND = "vectornav"
     MEASURES = "imu"
     END = sentence("VNWRG,75,0,8,01,0001")
     BAUDRATE = 115200

@@ -48,7 +48,6 @@ class VectorNavAsciiParser(Parser):
 class VectorNavAscii(Device):
     """Options: ``rate`` [Hz], one that the sensor knows (1 to 200); ``configure``. There is no device time."""
 
-    KIND = "vectornav-ascii"
     ASKED = False  # the same sensor as `vectornav`
     MEASURES = "imu"
     END = sentence("VNWRG,06,0")

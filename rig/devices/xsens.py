@@ -133,7 +133,6 @@ def find_message(data: bytes, mid: int) -> bytes | None:
 class Xsens(Device):
     """Options: ``rate`` [Hz] of acceleration and rate of turn; ``configure``."""
 
-    KIND = "xsens"
     MEASURES = "imu"
     END = message(GOTO_CONFIG)
     BAUDRATE = 115200

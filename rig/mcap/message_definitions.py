@@ -1,24 +1,28 @@
 """The ROS 2 message definitions that our runs carry, each with all the definitions it depends on."""
 
-_HEADER = """std_msgs/Header header
-"""
-_WRENCH_STAMPED = _HEADER + "geometry_msgs/Wrench wrench\n"
-_IMU = (
-    _HEADER
-    + """geometry_msgs/Quaternion orientation
+from collections.abc import Iterator
+
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+IMU = "sensor_msgs/msg/Imu"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+VALUES = "sensor_msgs/msg/JointState"
+BYTES = "std_msgs/msg/UInt8MultiArray"
+TEXT = "std_msgs/msg/String"
+
+_TEXTS = {
+    WRENCH: "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
+    IMU: """std_msgs/Header header
+geometry_msgs/Quaternion orientation
 float64[9] orientation_covariance
 geometry_msgs/Vector3 angular_velocity
 float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance
-"""
-)
-
-_DIAGNOSTICS = _HEADER + "diagnostic_msgs/DiagnosticStatus[] status\n"
-_JOINT_STATE = _HEADER + "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
-_BYTES = "std_msgs/MultiArrayLayout layout\nuint8[] data\n"
-
-_DEPENDENCIES = {
+""",
+    DIAGNOSTICS: "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
+    VALUES: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+    BYTES: "std_msgs/MultiArrayLayout layout\nuint8[] data\n",
+    TEXT: "string data\n",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
     "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
@@ -34,31 +38,20 @@ _DEPENDENCIES = {
 }
 
 
-def _with_dependencies(text: str, *names: str) -> str:
-    definitions = [f"{'=' * 80}\nMSG: {name}\n{_DEPENDENCIES[name]}" for name in names]
-    return text + "".join(definitions)
+def _types_in(name: str) -> Iterator[str]:
+    """The types of a message's fields, of these fields' own, and so on."""
+    for line in _TEXTS[name].splitlines():
+        kind = line.split()[0].removesuffix("[]")
+        if kind in _TEXTS:
+            yield kind
+            yield from _types_in(kind)
 
-
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-IMU = "sensor_msgs/msg/Imu"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-VALUES = "sensor_msgs/msg/JointState"
-BYTES = "std_msgs/msg/UInt8MultiArray"
-TEXT = "std_msgs/msg/String"
-
-_STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")
-_VECTOR = "geometry_msgs/Vector3"
 
 DEFINITIONS = {
-    WRENCH: _with_dependencies(_WRENCH_STAMPED, *_STAMPED, "geometry_msgs/Wrench", _VECTOR),
-    IMU: _with_dependencies(_IMU, *_STAMPED, "geometry_msgs/Quaternion", _VECTOR),
-    DIAGNOSTICS: _with_dependencies(
-        _DIAGNOSTICS, *_STAMPED, "diagnostic_msgs/DiagnosticStatus", "diagnostic_msgs/KeyValue"
-    ),
-    VALUES: _with_dependencies(_JOINT_STATE, *_STAMPED),
-    BYTES: _with_dependencies(_BYTES, "std_msgs/MultiArrayLayout", "std_msgs/MultiArrayDimension"),
-    TEXT: "string data\n",
+    name: _TEXTS[name] + "".join(f"{'=' * 80}\nMSG: {kind}\n{_TEXTS[kind]}" for kind in dict.fromkeys(_types_in(name)))
+    for name in (WRENCH, IMU, DIAGNOSTICS, VALUES, BYTES, TEXT)
 }
+"""The definition of each message that our runs carry, with those of all types in it."""
 
 
 FOXGLOVE = {"foxglove/msg/PoseInFrame": "geometry_msgs/msg/PoseStamped"}
