@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.devices.base import WRENCH, Channel, Device, Emulator
+from rig.devices.base import WRENCH, Channel, Device, Emulator, turned
 from rig.devices.conversation import Conversation, Heard, Identity, Inquire, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.exceptions import RigError, listed, quoted
@@ -76,12 +76,6 @@ def rotation(x: float, y: float, z: float) -> NDArray[np.float64]:
     return np.eye(3) + a * cross + b * cross @ cross
 
 
-def turned(matrix: NDArray[np.float64], wrench: tuple[float, ...]) -> tuple[float, ...]:
-    """The matrix times force and moment, whatever numbers these are."""
-    with np.errstate(all="ignore"):
-        return tuple((np.reshape(wrench, (2, 3)) @ matrix.T).ravel().tolist())
-
-
 class RtdeParser(Parser):
     """Data packages to samples; packages that the robot left out show in its time."""
 
@@ -117,7 +111,7 @@ class RtdeParser(Parser):
         if not all(abs(number) < MOST for number in (time, *pose)):  # so written that NaN is none
             return []
         if pose:
-            values = turned(rotation(*pose[3:]).T, values[:6]) + values[6:]
+            values = turned(rotation(*pose[3:]).T, values)
         return [Sample(values, time=round(time * 1e9))]
 
 
@@ -273,6 +267,6 @@ class RtdeEmulator(Emulator):
         pose: tuple[float, ...] = ()
         if self._device.turns:
             pose = (0.0, 0.0, 0.0, 0.4 * math.sin(time), 0.3, -0.2)
-            values = turned(rotation(*pose[3:]), values[:6]) + values[6:]
+            values = turned(rotation(*pose[3:]), values)
         numbers = (time, *values, *pose)
         return package(DATA, b"\1" + struct.pack(f">{len(numbers)}d", *numbers))

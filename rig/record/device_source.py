@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import NamedTuple
 
+import numpy as np
+
+from rig.devices.base import turned
 from rig.devices.conversation import Identity
 from rig.devices.parser import Counts, Sample
 from rig.record.device_clock import ClockTracker, CounterClock
@@ -40,6 +43,7 @@ class DeviceSource:
         serial = not entry.device.NETWORK and not entry.port.startswith(("udp:", "tcp:"))
         self._byte_time = 10e9 / entry.baudrate if serial else 0.0
         self._wire = round(entry.device.FRAME_BYTES * self._byte_time)
+        self._matrix = np.array(entry.matrix)
         self._plain = entry.matrix == IDENTITY or entry.device.measures == "values"
         self._stamped_by = ""
         self._fresh()
@@ -111,7 +115,9 @@ class DeviceSource:
         self._jumped_over += sample.gap * (self._after_jump or self.clock_jumps > jumps)
         self._after_jump = self.clock_jumps > jumps
         number = sample.number if sample.counter is not None else sample.number + self._before - self._jumped_over
-        return Measurement(arrival, stamp, number, sample.values if self._plain else self._turn(sample.values))
+        return Measurement(
+            arrival, stamp, number, sample.values if self._plain else turned(self._matrix, sample.values)
+        )
 
     def _in_order(self, arrived: int) -> int:
         """The arrival, or half a sample after the one before: of bytes that were held up, the rest comes too soon."""
@@ -157,19 +163,6 @@ class DeviceSource:
             facts["counter_period_ns"] = round(self._counter.period * (1 + self.clock.fit.skew), 3)
             facts["stamp_uncertainty_us"] = None if uncertainty is None else round(uncertainty * 1e-3, 1)
         return facts
-
-    def _turn(self, values: tuple[float, ...]) -> tuple[float, ...]:
-        a, b, c, d, e, f, *others = values
-        (p, q, r), (s, t, u), (v, w, x) = self.entry.matrix
-        return (
-            p * a + q * b + r * c,
-            s * a + t * b + u * c,
-            v * a + w * b + x * c,
-            p * d + q * e + r * f,
-            s * d + t * e + u * f,
-            v * d + w * e + x * f,
-            *others,
-        )
 
     def look(self, now: int, *, patience: float = SILENCE) -> None:
         """Notice silence and babble of more than ``patience`` [s] and 20 sample periods; call a few times a second."""

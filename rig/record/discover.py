@@ -49,12 +49,11 @@ def _ask(name: str, description: str) -> DiscoveredPort:
         if not device.ASKED or (name[:3] if on_network(name) else "") != device.NETWORK:
             continue
         try:
-            identity = _identify(name, kind)
+            return DiscoveredPort(name, description, kind=kind, identity=_identify(name, kind))
         except (NoAnswerError, PortLostError):
             continue
         except RigError as error:
             return DiscoveredPort(name, description, complaint=str(error))
-        return DiscoveredPort(name, description, kind=kind, identity=identity)
     return DiscoveredPort(name, description)
 
 

@@ -98,27 +98,27 @@ class Recorder:
             RigError: a device is not there, the file exists or was deleted meanwhile, or the disk is full.
             OSError: the file cannot be written.
         """
-        with Session(self._rig, self._stopped) as session:
-            self._say_all(session.warnings)
-            with contextlib.closing(Sink(self._path)) as sink:
+        with Session(self._rig, self._stopped) as self._session:
+            self._say_all(self._session.warnings)
+            with contextlib.closing(Sink(self._path)) as self._sink:
                 try:
-                    self._record(session, sink, seconds or session.duration, progress)
+                    self._record(seconds or self._session.duration, progress)
                 except OSError as error:
-                    raise self._full(sink, error) from error
+                    raise self._full(error) from error
                 finally:
-                    if not sink.whole:
-                        sink.remove()
-                self._check_place(sink)
+                    if not self._sink.whole:
+                        self._sink.remove()
+                self._check_place()
         return self.summary
 
-    def _check_place(self, sink: Sink) -> None:
+    def _check_place(self) -> None:
         """Say that the file is no longer where it was opened. Raises ``RigError`` when it is gone."""
-        if sink.place == "deleted":
+        if self._sink.place == "deleted":
             raise RigError(
                 f"output deleted while recording {self._path}: what was recorded is lost, "
                 "record again and leave the file until the end"
             )
-        if sink.place == "moved":
+        if self._sink.place == "moved":
             self._say_all([f"{self._path} was moved or replaced while recording: look for the file under its new name"])
 
     def _say_all(self, warnings: list[str]) -> None:
@@ -126,69 +126,60 @@ class Recorder:
         for text in warnings:
             self._say(f"warning: {text}")
 
-    def _full(self, sink: Sink, error: OSError) -> RigError:
+    def _full(self, error: OSError) -> RigError:
         with contextlib.suppress(OSError):
-            sink.cut_back()
-        if not sink.whole:
+            self._sink.cut_back()
+        if not self._sink.whole:
             return RigError(f"cannot write {self._path} ({error.strerror}): nothing was recorded, free some space")
         return RigError(
             f"cannot write {self._path} ({error.strerror}) after {self.summary.seconds:.1f} s: free some space; "
             f"what was recorded until then is kept, `inertia recover {self._path} -o NEW.mcap` reads it"
         )
 
-    def _record(
-        self, session: Session, sink: Sink, seconds: float | None, progress: Callable[[Progress], None] | None
-    ) -> None:
-        self._writer = new_writer(sink, chunk_size=2**20)
-        self._writer.add_metadata("rig.run", seal("rig.run", self._metadata(session)))
-        self._register(session)
-        session.go()
+    def _record(self, seconds: float | None, progress: Callable[[Progress], None] | None) -> None:
+        self._writer = new_writer(self._sink, chunk_size=2**20)
+        self._writer.add_metadata("rig.run", seal("rig.run", self._metadata()))
+        self._register()
+        self._session.go()
         start = time.monotonic_ns()
         self._say("ready: recording")
         try:
-            self._follow(session, sink, start, seconds, progress)
+            self._follow(start, seconds, progress)
         except RigError as error:
-            self._finish(session, sink, start)
+            self._finish(start)
             raise RigError(f"{error}; what was recorded until then is in {self._path}") from error
-        self._finish(session, sink, start)
+        self._finish(start)
 
-    def _follow(
-        self,
-        session: Session,
-        sink: Sink,
-        start: int,
-        seconds: float | None,
-        progress: Callable[[Progress], None] | None,
-    ) -> None:
+    def _follow(self, start: int, seconds: float | None, progress: Callable[[Progress], None] | None) -> None:
         """Write what arrives until the time is over."""
         next_flush, next_status, next_trim = start, start, start
         end = float("inf") if seconds is None else start + seconds * 1e9
         while not self._stopped.wait(TICK) and (now := time.monotonic_ns()) < end:
-            self._drain(session)
+            self._drain()
             self.summary.seconds = (now - start) * 1e-9
-            for source in session.sources:
+            for source in self._session.sources:
                 source.look(now)
             if now >= next_status:
                 next_status = now + round(STATUS * 1e9)
-                self._status(session, now)
-                if sink.place == "deleted":
+                self._status(now)
+                if self._sink.place == "deleted":
                     return
                 if progress is not None:
-                    progress(Progress(self.summary.seconds, sink.tell(), session.sources))
+                    progress(Progress(self.summary.seconds, self._sink.tell(), self._session.sources))
             if now >= next_flush:
                 next_flush = now + round(FLUSH * 1e9)
                 self._writer.flush()
-                sink.mark_whole()
+                self._sink.mark_whole()
             if now >= next_trim:
                 next_trim = now + round(TRIM * 1e9)
                 memory.give_back()
-            session.raise_failures()
+            self._session.raise_failures()
 
-    def _register(self, session: Session) -> None:
+    def _register(self) -> None:
         """Announce every channel."""
         self._outputs: dict[str, list[OutputChannel]] = {}
         self._raw = {}
-        for source in session.sources:
+        for source in self._session.sources:
             entry = source.entry
             self._outputs[entry.name] = outputs(self._writer, entry)
             self._raw[entry.name] = register(self._writer, message_definitions.BYTES, f"/raw/{entry.name}")
@@ -198,26 +189,26 @@ class Recorder:
         self._status_channel = register(self._writer, message_definitions.DIAGNOSTICS, "/diagnostics")
         self._mark_channel = register(self._writer, message_definitions.TEXT, "/mark")
 
-    def _drain(self, session: Session) -> None:
+    def _drain(self) -> None:
         """Write everything that has arrived."""
-        for source in session.sources:
+        for source in self._session.sources:
             name = source.entry.name
             channels, signal = self._outputs[name], self._signals.get(name)
-            for event in session.events(source):
+            for event in self._session.events(source):
                 if event.data:
                     self._add(self._raw[name], event.time, cdr_encode.encode_bytes(event.data))
                 for measurement in source.take(event):
                     self._write(channels, measurement)
                     if signal is not None:
                         signal.append((measurement.stamp, measurement.values))
-        self._report_troubles(session)
+        self._report_troubles()
         while self._marks:
             time_, text = self._marks.popleft()
             self._add(self._mark_channel, time_, cdr_encode.encode_text(text), self.summary.marks)
             self.summary.marks += 1
 
-    def _report_troubles(self, session: Session) -> None:
-        for source in session.sources:
+    def _report_troubles(self) -> None:
+        for source in self._session.sources:
             while source.troubles:
                 text = source.troubles.pop(0)
                 self._say(text)
@@ -230,9 +221,9 @@ class Recorder:
             data = encode(stamp, values[part])
             self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 
-    def _status(self, session: Session, now: int) -> None:
+    def _status(self, now: int) -> None:
         levels = {"ok": cdr_encode.OK}
-        rows = [(levels.get(source.state, cdr_encode.ERROR), source, source.state) for source in session.sources]
+        rows = [(levels.get(source.state, cdr_encode.ERROR), source, source.state) for source in self._session.sources]
         self._diagnose(now, rows)
 
     def _diagnose(self, now: int, rows: list[tuple[int, DeviceSource, str]]) -> None:
@@ -254,23 +245,23 @@ class Recorder:
             "down_s": round(source.downtime * 1e-9, 3),
         }
 
-    def _finish(self, session: Session, sink: Sink, start: int) -> None:
+    def _finish(self, start: int) -> None:
         now = time.monotonic_ns()
-        session.halt()
-        self._drain(session)
+        self._session.halt()
+        self._drain()
         summary = self.summary
-        for source in session.sources:
+        for source in self._session.sources:
             name = source.entry.name
             for measurement in source.finish(now):
                 self._write(self._outputs[name], measurement)
             summary.devices[name] = self._device_summary(source)
             if abs(skew := source.clock.fit.skew) > ODD_SKEW:
                 self._say_all([f"{name}: its clock and this computer's differ by {abs(skew):.1%}: verify its rate"])
-        self._report_troubles(session)
-        self._status(session, now)
-        self._estimate_delays(session)
+        self._report_troubles()
+        self._status(now)
+        self._estimate_delays()
         summary.seconds = (now - start) * 1e-9
-        summary.complete = all(source.complete for source in session.sources)
+        summary.complete = all(source.complete for source in self._session.sources)
         facts = {"complete": json.dumps(summary.complete), "seconds": f"{summary.seconds:.3f}"}
         for name, device in summary.devices.items():
             facts |= {f"{name}.{key}": str(value) for key, value in device.items()}
@@ -278,8 +269,8 @@ class Recorder:
             facts |= {f"{name}.{key}": str(value) for key, value in values.items()}
         self._writer.add_metadata("rig.end", seal("rig.end", facts))
         self._writer.finish()
-        sink.mark_whole()
-        summary.bytes = sink.tell()
+        self._sink.mark_whole()
+        summary.bytes = self._sink.tell()
 
     def _device_summary(self, source: DeviceSource) -> dict[str, object]:
         fit = source.clock.fit
@@ -296,8 +287,8 @@ class Recorder:
             **source.stamping,
         }
 
-    def _estimate_delays(self, session: Session) -> None:
-        for source in session.sources:
+    def _estimate_delays(self) -> None:
+        for source in self._session.sources:
             entry = source.entry
             if entry.delay_to:
                 delay = command_delay.of_command(
@@ -311,7 +302,7 @@ class Recorder:
                         "delay_correlation": round(delay.correlation, 4),
                     }
 
-    def _metadata(self, session: Session) -> dict[str, str]:
+    def _metadata(self) -> dict[str, str]:
         pairs = [pair for entry in self._rig.entries for pair in zip(entry.device.channels, entry.topics, strict=True)]
         facts = {
             "note": self._note,
@@ -322,7 +313,7 @@ class Recorder:
             # named values have the type of joint states and are none
             "values_topics": json.dumps([topic for channel, topic in pairs if channel.measures == "values"]),
         }
-        for source in session.sources:
+        for source in self._session.sources:
             name, identity = source.entry.name, source.identity
             facts |= {f"{name}.{key}": value for key, value in source.entry.settings.items()}
             facts |= {f"{name}.port": source.entry.port, f"{name}.model": identity.model}

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 import msgspec
+import numpy as np
 
 from rig.devices import create_device, device_class, kinds
 from rig.devices.base import Device
@@ -59,12 +60,10 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
         if not self.name.isidentifier():
             raise WrongKeyError("name", "use letters, digits and underscores")
         self._check_port()
-        rows = self.rotation_to_body
-        products = [sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows]
-        (a, b, c), (d, e, f), (g, h, i) = rows
-        determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-        orthonormal = all(abs(v - (k % 4 == 0)) <= 1e-3 for k, v in enumerate(products))  # so written that NaN fails
-        if not (orthonormal and determinant > 0):
+        rows = np.array(self.rotation_to_body)
+        with np.errstate(all="ignore"):
+            orthonormal = np.allclose(rows @ rows.T, np.eye(3), rtol=0, atol=1e-3)
+        if not (orthonormal and np.linalg.det(rows) > 0):
             raise WrongKeyError("rotation_to_body", "its rows must be orthonormal, right-handed", "is no rotation")
 
     def _check_port(self) -> None:

@@ -5,7 +5,7 @@ import math
 import os
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -176,38 +176,40 @@ class Session:
         self._readers = [Reader(entry, ports[entry.name]) for entry in self._rig.entries]
         for reader in self._readers:
             reader.start()
-        self._wait(lambda reader: reader.identity is not None, CONNECT_LIMIT, "no answer from")
-        self._wait(lambda reader: bool(reader.events) or not reader.entry.required, FIRST_SAMPLE, "no bytes from")
+        cure = "from {0.name} on {0.port}: check its power, cable and `kind`"
+        self._wait(
+            lambda: [reader.entry for reader in self._readers if reader.identity is None],
+            CONNECT_LIMIT,
+            f"no answer {cure}",
+        )
+        self._wait(
+            lambda: [reader.entry for reader in self._readers if reader.entry.required and not reader.events],
+            FIRST_SAMPLE,
+            f"no bytes {cure}",
+        )
         now = time.monotonic_ns()
         self.sources = [DeviceSource(reader.entry, reader, now=now) for reader in self._readers]
-        self._check_samples()
+        self._wait(
+            self._without_sample, FIRST_SAMPLE, "no sense in the bytes of {0.name} on {0.port}: {0.wrong_device}"
+        )
 
-    def _wait(self, done, seconds: float, complaint: str) -> None:
+    def _wait(self, missing: Callable[[], list[DeviceEntry]], seconds: float, complaint: str) -> None:
+        """Wait so long until no device is missing; then complain of the first."""
         deadline = time.monotonic() + seconds
-        while not all(done(reader) for reader in self._readers):
-            self._raise_if_ended()
+        while entries := missing():
+            self.raise_failures()
+            if self._cancelled.is_set():
+                raise RigError("stopped before every device had answered: nothing was recorded, start again")
             if time.monotonic() > deadline:
-                entry = next(reader.entry for reader in self._readers if not done(reader))
-                raise RigError(f"{complaint} {entry.name} on {entry.port}: check its power, cable and `kind`")
+                raise RigError(complaint.format(entries[0]))
             time.sleep(0.002)
 
-    def _check_samples(self) -> None:
-        """Every device must send something that makes sense before a recording starts."""
-        deadline = time.monotonic() + FIRST_SAMPLE
-        while missing := [s for s in self.sources if s.entry.required and not s.counts.samples]:
-            for source in self.sources:
-                for _ in self.measurements(source):
-                    pass
-            self._raise_if_ended()
-            if time.monotonic() > deadline:
-                entry = missing[0].entry
-                raise RigError(f"no sense in the bytes of {entry.name} on {entry.port}: {entry.wrong_device}")
-            time.sleep(0.002)
-
-    def _raise_if_ended(self) -> None:
-        self.raise_failures()
-        if self._cancelled.is_set():
-            raise RigError("stopped before every device had answered: nothing was recorded, start again")
+    def _without_sample(self) -> list[DeviceEntry]:
+        """Take what has come; every device must send something that makes sense before a recording starts."""
+        for source in self.sources:
+            for _ in self.measurements(source):
+                pass
+        return [s.entry for s in self.sources if s.entry.required and not s.counts.samples]
 
     @property
     def warnings(self) -> list[str]:
@@ -228,9 +230,8 @@ class Session:
         start = self._emulators.go() if self._emulators else 0.0
         while time.monotonic() < start - 0.005:
             time.sleep(0.001)
+        self._without_sample()
         for source in self.sources:
-            for _ in self.measurements(source):
-                pass
             source.begin(time.monotonic_ns())
 
     def events(self, source: DeviceSource) -> Iterator[Event]:
