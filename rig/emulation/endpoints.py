@@ -90,11 +90,6 @@ class UdpEndpoint:
         self.plug()
 
     @property
-    def port(self) -> str:
-        """Name of the port by which a recorder finds the endpoint."""
-        return f"udp://{HOST}:{self._number}"
-
-    @property
     def present(self) -> bool:
         """Whether the device is plugged in."""
         return self._socket.fileno() >= 0
@@ -113,6 +108,7 @@ class UdpEndpoint:
         self._socket.setblocking(False)
         self._socket.bind((HOST, self._number))
         self._number = self._socket.getsockname()[1]
+        self.port = f"udp://{HOST}:{self._number}"
 
     def unplug(self) -> None:
         """Take it away."""
@@ -159,11 +155,6 @@ class TcpEndpoint:
         self.plug()
 
     @property
-    def port(self) -> str:
-        """Name of the port by which a recorder finds the endpoint."""
-        return f"tcp://{HOST}:{self._number}"
-
-    @property
     def present(self) -> bool:
         """Whether the device is plugged in."""
         return self._listener.fileno() >= 0
@@ -183,6 +174,7 @@ class TcpEndpoint:
         self._listener = socket.create_server((HOST, self._number))
         self._listener.setblocking(False)
         self._number = self._listener.getsockname()[1]
+        self.port = f"tcp://{HOST}:{self._number}"
 
     def unplug(self) -> None:
         """Take it away."""

@@ -40,7 +40,7 @@ def outputs(writer: Writer, entry: DeviceEntry) -> list[OutputChannel]:
 
 
 class Sink:
-    """A new file, written without a buffer of its own.
+    """A new file, written without a buffer of its own; ``whole`` bytes can be read whatever happens next.
 
     Raises:
         RigError: the file exists or its folder is missing.
@@ -54,7 +54,7 @@ class Sink:
         self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | as_bytes, 0o666)
         self._unwanted = False
         self._position = 0
-        self._whole = 0
+        self.whole = 0
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
         """Write all of ``data`` or raise OSError."""
@@ -74,17 +74,12 @@ class Sink:
 
     def mark_whole(self) -> None:
         """Everything up to here can be read whatever happens next."""
-        self._whole = self._position
+        self.whole = self._position
 
     def cut_back(self) -> None:
         """Take away what was written since the last ``mark_whole``: half a chunk."""
-        os.ftruncate(self._handle, self._whole)
-        self._position = self._whole
-
-    @property
-    def whole(self) -> int:
-        """Bytes that can be read whatever happens next; 0: nothing yet."""
-        return self._whole
+        os.ftruncate(self._handle, self.whole)
+        self._position = self.whole
 
     @property
     def place(self) -> Literal["there", "moved", "deleted"]:
