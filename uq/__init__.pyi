@@ -12,6 +12,7 @@ from .files.document import ExperimentError as ExperimentError
 from .identification.identify_files import identify_files as identify_files
 from .identification.static_centre import centre_file as centre_file
 from .identification.tare import tare_files as tare_files
+from .identification.undeclared import with_undeclared as with_undeclared
 from .inspection.inspect_run import inspect_run as inspect_run
 from .motion_design.arm.arm_design import design_arm as design_arm
 from .motion_design.arm.arm_report import arm_report as arm_report

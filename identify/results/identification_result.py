@@ -236,16 +236,15 @@ class Identification(Result):
         return {key: finite(value) for key, value in content.items()}
 
     def records(self) -> list[dict[str, Any]]:
-        """Return value, bias, standard uncertainty and both intervals of each component [kg·m²]; NaN: not known."""
-        wide = np.full((6, 2), np.nan) if self.undeclared is None else self.with_undeclared.interval95
-        columns = zip(
-            COMPONENTS, self.inertia, self.bias, self.standard_uncertainty, *self.interval95.T, *wide.T, strict=True
-        )
-        names = (
-            "component", "value", "bias", "standard_uncertainty", "low95", "high95", "low95_with_undeclared",
-            "high95_with_undeclared",
-        )  # fmt: skip
-        return [dict(zip(names, row, strict=True)) for row in columns]
+        """Return value, bias, standard uncertainty and interval of each component [kg·m²]; the second where known."""
+        columns = {
+            "component": COMPONENTS, "value": self.inertia, "bias": self.bias,
+            "standard_uncertainty": self.standard_uncertainty,
+            "low95": self.interval95[:, 0], "high95": self.interval95[:, 1],
+        }  # fmt: skip
+        if (wide := self.interval95_with_undeclared) is not None:
+            columns |= {"low95_with_undeclared": wide[:, 0], "high95_with_undeclared": wide[:, 1]}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:

@@ -77,11 +77,11 @@ class Undeclared:
         """Return the largest standard uncertainty over u, and which of the ten parameters that is.
 
         Args:
-            u: standard uncertainty of mass, r_CG and tensor without them [kg, m, kg·m²]; not finite: the parameter does
-                not count.
+            u: standard uncertainty of mass, r_CG and tensor without them [kg, m, kg·m²]; zero or not finite: the
+                parameter is stated or not known, and does not count.
         """
-        added = self.standard_uncertainty
-        ratio = np.where((added > 0) & np.isfinite(u), added / np.maximum(u, 1e-300), 0.0)
+        counted = (u > 0) & np.isfinite(u)
+        ratio = np.divide(self.standard_uncertainty, u, out=np.zeros(10), where=counted)
         worst = int(np.argmax(ratio))
         return float(ratio[worst]), worst
 

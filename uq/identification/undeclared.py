@@ -5,10 +5,8 @@ By the derivatives of the estimate that was made: of least squares those of type
 :mod:`identify.judge.held_errors`.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -22,48 +20,16 @@ from identify.results.undeclared import Effect, Undeclared
 from identify.rounding import exact
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
+from uq.experiment.typical_errors import KINDS, Kind, typical_errors
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.systematic_errors import SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
-from uq.sources.draws import Mixing
-from uq.sources.source import Source, kind_of
+from uq.sources.source import Source
 
 NEGLIGIBLE = 1e-9
 """Part of the mass, of a metre and of the moments of inertia below which an error adds nothing: rounding."""
 STEP = 0.01
 """Step of the finite differences, in standard uncertainties."""
-
-
-class Kind(NamedTuple):
-    """An error as it is said, and as the source that it would be declared as."""
-
-    text: str
-    unit: str
-    per_si: float
-    """Factor from SI to the unit."""
-    target: str = ""
-    kind: str = ""
-    common: bool = False
-    """Whether one number errs on all axes."""
-
-
-KINDS: Mapping[str, Kind] = {
-    "force_gain": Kind("common gain of the force", "%", 100, "F", "scale", common=True),
-    "force_gain_by_axis": Kind("gain of each force", "%", 100, "F", "scale"),
-    "moment_gain": Kind("common gain of the moment", "%", 100, "M", "scale", common=True),
-    "moment_gain_by_axis": Kind("gain of each moment", "%", 100, "M", "scale"),
-    "cross_talk": Kind("cross-talk of the load cell", "%", 100, "wrench", "cross_talk"),
-    "load_cell_axes": Kind("misalignment of the load cell", "mrad", 1e3, "wrench", "misalignment"),
-    "gyro_scale": Kind("scale of the gyro", "%", 100, "omega", "scale"),
-    "gyro_axes": Kind("misalignment of the gyro", "mrad", 1e3, "omega", "misalignment"),
-    "delay": Kind("delay of the gyro", "ms", 1e3, "omega", "delay"),
-    "mass": Kind("error of the mass", "%", 100),
-    "centre_of_gravity": Kind("error of r_CG", "mm", 1e3, "r_cg", "bias"),
-    "gravity": Kind("error of gravity", "m/s²", 1, "gravity", "bias"),
-    "mounting_frequency": Kind("flexibility of the mounting", "Hz", 1),
-    "accelerometer_scale": Kind("scale of the accelerometer", "%", 100),
-}
-"""Description of each error by its key in ``[undeclared]``."""
 
 
 def with_undeclared(result: Identification, runs: Sequence[Run], experiment: Experiment) -> Identification:
@@ -77,13 +43,14 @@ def with_undeclared(result: Identification, runs: Sequence[Run], experiment: Exp
     by_held = result.by_held_errors or {}
     if result.seen is not None or (result.method == "joint" and not by_held):
         return result
-    typical = typical_errors(experiment, largest_wrench(runs))
-    sources = tuple(source for source in typical.sources if _is_open(source, result, experiment))
-    undeclared = replace(typical, sources=sources)
+    undeclared = typical_errors(experiment, largest_wrench(runs))
+    if np.any(result.sigma_r_cg > 0):
+        sources = tuple(source for source in undeclared.sources if source.perturbs != "r_cg")
+        undeclared = replace(undeclared, sources=sources)
     changes: dict[str, np.ndarray] = {}
     if result.method == "joint":
         changes |= _of_joint(by_held, undeclared)
-    elif sources:
+    elif undeclared.sources:
         try:
             changes |= _of_least_squares(result, runs, undeclared)
         except RunError:  # too short for a delay
@@ -114,39 +81,8 @@ def largest_wrench(runs: Sequence[Run]) -> tuple[float, float]:
     return force, moment
 
 
-def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Experiment:
-    """Return the experiment whose sources are the errors of ``[undeclared]`` at their typical size, and no others.
-
-    Args:
-        experiment: the typical figures.
-        largest: full scale of force [N] and moment [N·m], of which cross-talk is a part; zero: no cross-talk.
-    """
-    sources, mixing = [], []
-    for name, error in KINDS.items():
-        figure = getattr(experiment.undeclared, name)
-        if figure is None or not error.kind:
-            continue
-        kind = kind_of(error.target, error.kind)
-        is_fraction = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
-        if is_fraction and not all(largest):
-            continue
-        stated = np.array(figure) if is_fraction else np.full(kind.shape, figure)
-        sigma = kind.placed(stated, np.repeat(largest, 3))
-        sources.append(Source(name=name, target=error.target, kind=error.kind, group="undeclared", sigma=sigma))
-        if error.common:
-            mixing.append(Mixing(names=(name,), axes=(3,), correlation=np.ones((3, 3))))
-    return replace(experiment, sources=tuple(sources), mixing=tuple(mixing))
-
-
 def _figure(kind: Kind, value: float) -> str:
     return f"{exact([kind.per_si * value])[0]} {kind.unit}"
-
-
-def _is_open(source: Source, result: Identification, experiment: Experiment) -> bool:
-    """Whether an error is neither declared nor estimated."""
-    if source.perturbs == "r_cg":
-        return not np.any(result.sigma_r_cg > 0)
-    return not any((s.perturbs, s.signal) == (source.perturbs, source.signal) for s in experiment.sources if s.perturbs)
 
 
 def _of_mass(sigma: float, by_held: Mapping[str, np.ndarray]) -> Float[np.ndarray, "10 1"]:
@@ -177,28 +113,33 @@ def _of_least_squares(result: Identification, runs: Sequence[Run], undeclared: E
     problem = problem_of(as_stated, runs, undeclared, slopes=True)
     if not problem.sources:  # gravity alone is open, to which least squares are blind
         return {}
-    estimates = estimator_of(result.method).estimates
-    slopes = _slopes(problem)
-    ends = np.cumsum([np.size(source.sigma) for source in problem.sources])[:-1]
-    changes = {}
-    for source, part in zip(problem.sources, np.split(slopes, ends, axis=1), strict=True):
+    estimates, changes = estimator_of(result.method).estimates, {}
+    for source, change in zip(problem.sources, tensor_changes(problem).values(), strict=True):
         if source.perturbs not in estimates:
-            # one number errs on all axes, or each by itself
-            apart = np.ones((part.shape[1], 1)) if KINDS[source.name].common else np.eye(part.shape[1])
-            centre = np.diag(source.sigma) if source.perturbs == "r_cg" else np.zeros((3, part.shape[1]))
-            changes[source.name] = np.vstack([np.zeros((1, part.shape[1])), centre, part]) @ apart
+            centre = np.diag(source.sigma) if source.perturbs == "r_cg" else np.zeros((3, change.shape[1]))
+            changes[source.name] = np.vstack([np.zeros((1, change.shape[1])), centre, change])
     return changes
 
 
-def _slopes(problem: SystematicProblem) -> Float[np.ndarray, "6 count"]:
-    """Derivative of the tensor by each number of each source, in units of its standard uncertainty.
+def tensor_changes(problem: SystematicProblem) -> dict[str, Float[np.ndarray, "6 k"]]:
+    """Return the tensor's change by one standard uncertainty of each independent number of each undeclared error.
 
     By central differences in NumPy: within 1e-8 of autodiff, and done before JAX would have traced it.
+
+    Args:
+        problem: with sources of :func:`uq.experiment.typical_errors.typical_errors`.
     """
 
     def tensor(source: Source, draw: np.ndarray) -> np.ndarray:
         errors = errors_of([source], {source.name: draw.reshape(np.shape(source.sigma)) * source.sigma})
         return np.linalg.solve(*equations(problem, [errors] * len(problem.sums)))
 
-    steps = [(source, step) for source in problem.sources for step in STEP * np.eye(np.size(source.sigma))]
-    return np.stack([tensor(source, step) - tensor(source, -step) for source, step in steps], axis=1) / (2 * STEP)
+    changes = {}
+    for source in problem.sources:
+        count = np.size(source.sigma)
+        # one number errs on all axes, or each by itself
+        steps = STEP * (np.ones((1, count)) if KINDS[source.name].common else np.eye(count))
+        changes[source.name] = np.stack([tensor(source, step) - tensor(source, -step) for step in steps], 1) / (
+            2 * STEP
+        )
+    return changes

@@ -38,7 +38,19 @@ def line_of(estimate: LiveEstimate, target: float | None) -> str:
 
 
 def about_target(estimate: LiveEstimate, target: float) -> str:
-    """Return how far the target is, or what forbids it."""
+    """Return how far the target is, or what forbids it; and what undeclared errors add where they exceed it."""
+    return f"{_reach(estimate, target)}{_floor(estimate, target)}"
+
+
+def _floor(estimate: LiveEstimate, target: float) -> str:
+    k = int(np.argmax(estimate.undeclared))
+    if not estimate.undeclared[k] > target:
+        return ""
+    half = significant(GRAM_METRE * estimate.undeclared[k], 2)
+    return f"; undeclared errors at typical size add at least ± {half} to {COMPONENTS[k]} at any time"
+
+
+def _reach(estimate: LiveEstimate, target: float) -> str:
     worst = int(np.argmax(estimate.half_width))
     largest = f"{COMPONENTS[worst]} has ± {significant(GRAM_METRE * estimate.half_width[worst], 2)}"
     wanted = f"target ± {significant(GRAM_METRE * target, 2)} g·m² at 95 %"

@@ -15,14 +15,17 @@ from jaxtyping import Bool, Float
 from identify.estimators.gram import Sums, normal_equations
 from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.type_a import Pooling
+from identify.results.mass_and_centre import NORMAL
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
+from uq.experiment.typical_errors import typical_errors
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
 from uq.identification.combined_uncertainty import Systematic, combined_interval
 from uq.identification.run_sums import FEATURES, FORCE, MOMENT, weighted_sums
 from uq.identification.systematic_errors import SystematicProblem, nodes_of, propagated
+from uq.identification.undeclared import tensor_changes
 from uq.live.running_sums import RunningSums
 from uq.sources.source import Source
 
@@ -63,6 +66,9 @@ class LiveEstimate:
     """Half the interval of 95 % from the declared sources alone, which no time averages away [kg·m²]."""
     largest_source: tuple[str | None, ...]
     """Declared source that contributes most, by component."""
+    undeclared: Float[np.ndarray, "6"]
+    """Half the interval of 95 % from undeclared errors at typical size alone [kg·m²]; but for cross-talk, delay and
+    mounting, which the sums do not tell."""
     undetermined: tuple[str, ...] = ()
     """Components that the motion so far does not determine."""
 
@@ -109,9 +115,9 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
         return LiveEstimate(
             seconds=sums.seconds, inertia=fitted.inertia, standard_uncertainty=nothing,
             interval95=np.full((6, 2), np.nan), type_a=together.half_width, of_sources=nothing,
-            largest_source=(None,) * 6, undetermined=undetermined,
+            largest_source=(None,) * 6, undeclared=nothing, undetermined=undetermined,
         )  # fmt: skip
-    systematic = propagated(_problem(sums, fitted.inertia, experiment), trials=TRIALS)
+    systematic = propagated(_problem(sums, fitted.inertia, experiment, sources_in(experiment)), trials=TRIALS)
     low, high = combined_interval(together, systematic.common, 0)
     ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
     return LiveEstimate(
@@ -119,6 +125,7 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
         standard_uncertainty=np.sqrt(np.diag(fitted.covariance) + systematic.common.var(axis=0)),
         interval95=fitted.inertia[:, None] - np.stack([high, low], axis=1), type_a=together.half_width,
         of_sources=(ends[1] - ends[0]) / 2, largest_source=_largest(systematic),
+        undeclared=_undeclared(sums, fitted.inertia, experiment),
     )  # fmt: skip
 
 
@@ -197,9 +204,18 @@ def _sums(products: np.ndarray) -> Sums:
     return Sums(rows[:, FEATURES], rows[:, FORCE], rows[:, MOMENT])
 
 
-def _problem(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> SystematicProblem:
-    """Return the problem of the declared sources' draws, from the sums."""
-    sources = sources_in(experiment)
+def _undeclared(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> np.ndarray:
+    """Half the interval of 95 % from undeclared errors, (6,) [kg·m²]."""
+    errors = typical_errors(experiment, largest=(0.0, 0.0))  # the sums do not tell the largest force and moment
+    sources = tuple(source for source in sources_in(errors) if source.perturbs != "gyro_delay")
+    changes = tensor_changes(_problem(sums, inertia, errors, sources)).values()
+    return NORMAL * np.sqrt(sum((np.sum(change**2, axis=1) for change in changes), np.zeros(6)))
+
+
+def _problem(
+    sums: RunningSums, inertia: np.ndarray, experiment: Experiment, sources: tuple[Source, ...]
+) -> SystematicProblem:
+    """Return the problem of the sources' draws, from the sums."""
     names = {source.name for source in sources}
     columns, r_cg = Columns.of(sources), experiment.stated_r_cg
     totals = sums.delayed[:, 0]

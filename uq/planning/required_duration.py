@@ -6,9 +6,8 @@ that; in between and beyond, noise follows ``1 / (T - lost)`` and every other so
 checked, and mended, by the law at the answer itself.
 """
 
-import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -21,7 +20,8 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCT
 from identify.rounding import significant
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.propagation.experiment_law import law
+from uq.experiment.typical_errors import typical_errors
+from uq.propagation.experiment_law import law, prepare_law
 
 GOALS: Mapping[str, tuple[int, ...]] = {
     "moments": tuple(MOMENTS), "products": tuple(PRODUCTS), **{name: (k,) for k, name in enumerate(COMPONENTS)},
@@ -54,6 +54,8 @@ class Growth:
     duration."""
     power: Float[np.ndarray, "sources 6"]
     """Power of the duration that the other variances follow: at 0 they stay, above 0 they grow."""
+    undeclared: Float[np.ndarray, "6"]
+    """Variance of the tensor by undeclared errors at typical size, which no time averages away [(kg·m²)²]."""
 
     def at(self, duration: float | np.ndarray) -> np.ndarray:
         """Return each source's variance at a duration [s]; durations lead."""
@@ -90,6 +92,11 @@ class Duration(Result):
     """Whether the law was evaluated at the answer; otherwise the answer is extrapolated from two durations."""
 
     @property
+    def floor(self) -> float:
+        """Average 3σ by undeclared errors at typical size, which the second interval holds at any duration [kg·m²]."""
+        return float(average(self.growth.undeclared, self.goal))
+
+    @property
     def reachable(self) -> bool:
         """Whether some duration reaches the target."""
         return self.seconds is not None
@@ -99,7 +106,7 @@ class Duration(Result):
         return {
             "goal": self.goal, "target": self.target, "seconds": self.seconds, "reached": self.reached,
             "unit": "kg*m^2", "forbids": self.forbids, "current_duration": self.current_duration, "now": self.now,
-            "checked": self.checked,
+            "checked": self.checked, "floor_of_undeclared": self.floor,
         }  # fmt: skip
 
     def records(self) -> list[dict[str, Any]]:
@@ -173,7 +180,19 @@ def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: 
     drifts = np.array([source.perturbs in DRIFTS for source in experiment.sources])[:, None]
     power = np.clip(power, -MOST_POWER, np.where(drifts, MOST_POWER, 0.0))
     return Growth(
-        names=tuple(source.name for source in experiment.sources), duration=T, variance=once, lost=lost, power=power
+        names=tuple(source.name for source in experiment.sources), duration=T, variance=once, lost=lost, power=power,
+        undeclared=_undeclared(experiment, name, estimator),
+    )  # fmt: skip
+
+
+def _undeclared(experiment: Experiment, trajectory: str, estimator: str | None) -> np.ndarray:
+    """Variance of the tensor by the law of errors that the experiment does not declare, at typical size, (6,)."""
+    chosen = experiment.estimator(estimator).name
+    (run,) = prepare_law(replace(experiment, sources=()), trajectory, chosen).runs.values()
+    force, moment = (float(np.max(run.peaks.largest[signal])) for signal in ("F", "M"))
+    errors = typical_errors(experiment, (force, moment))
+    return (
+        np.diag(law(errors, trajectory, chosen)[trajectory, chosen].total.covariance) if errors.sources else np.zeros(6)
     )
 
 
@@ -189,7 +208,7 @@ def lasting(spec: TrajectorySpec, duration: float) -> TrajectorySpec:
         raise ExperimentError(
             f"{duration:g} s do not hold two ramps of {float(trajectory.ramp):g} s{where}: last for longer"
         )
-    return dataclasses.replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
+    return replace(spec, trajectory=trajectory.lasting(duration), duration=float(duration))
 
 
 def shortest(spec: TrajectorySpec) -> float:
@@ -215,7 +234,7 @@ def _variances(
     """Each source's variance by the law, scaled so that they add up to the total's: (sources, 6)."""
     chosen = experiment.estimator(estimator).name
     trajectories = {name: lasting(spec, duration)}
-    breakdown = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), name, chosen)[name, chosen]
+    breakdown = law(replace(experiment, trajectories=trajectories, document={}), name, chosen)[name, chosen]
     variances = np.array([np.diag(breakdown.sources[source.name].covariance) for source in experiment.sources])
     total = variances.sum(axis=0)
     return variances * (np.diag(breakdown.total.covariance) / np.where(total > 0, total, 1.0))

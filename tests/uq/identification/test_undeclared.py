@@ -264,3 +264,10 @@ def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
     assert [row[0] for row in table.rows][:2] == ["common gain of the force", "gain of each force"]
     assert table.caption in [entry.caption for entry in by_source.tables()]
     assert "with undeclared errors" in by_source.tables()[0].head
+
+
+def test_arrays_say_how_large_the_second_interval_is_at_least(measured):
+    """By a scale of the gyro of 0.3 %, by which the whole tensor is off: 1.96 times it."""
+    result = identified(measured)
+    (line,) = (note for note in result.notes() if note.startswith("undeclared errors"))
+    assert f"± {1.96 * 3 * np.abs(result.inertia).max():.1f} g·m² to I33; uq.with_undeclared" in line

@@ -13,8 +13,10 @@ from rig.mcap.message_fields import IMU, WRENCH
 from tests.helpers import recordings
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
+from uq.experiment.undeclared_table import UndeclaredTable
 from uq.identification.run_sums import ELEMENTS, FEATURES
 from uq.identification.systematic_errors import propagate_constants
+from uq.identification.undeclared import with_undeclared
 from uq.live.estimate_lines import block_of, line_of
 from uq.live.growing_run import GrowingRun
 from uq.live.live_estimate import LiveEstimate, agreeing, estimated, fit, nodes_of, sources_in
@@ -184,6 +186,16 @@ def declared(path, experiment):
     return result, (np.quantile(errors, 0.975, axis=0) - np.quantile(errors, 0.025, axis=0)) / 2
 
 
+def test_undeclared_errors_are_those_of_identify(ten_seconds, common):
+    """But for cross-talk, delay and mounting, which the sums do not tell."""
+    table = UndeclaredTable(cross_talk=None, delay=None, mounting_frequency=None, mass=None)
+    experiment = dataclasses.replace(ten_seconds, undeclared=table)
+    run = load_run(common)
+    result = with_undeclared(dataclasses.replace(whole(run, experiment), by_held_errors=None), [run], experiment)
+    live = estimated(sums_of(common, experiment), experiment).undeclared
+    np.testing.assert_allclose(live, 1.96 * result.undeclared.standard_uncertainty[4:], rtol=0.02)
+
+
 def whole(run, experiment):
     return identify(
         run, r_cg=experiment.r_cg_from_q, sigma_r_cg=experiment.sigma_r_cg, estimator=experiment.estimator()
@@ -193,8 +205,9 @@ def whole(run, experiment):
 def of(type_a, of_sources, undetermined=()):
     half = np.hypot(type_a, of_sources)
     return LiveEstimate(
-        40.0, np.ones(6), half / 2, np.stack([1 - half, 1 + half], axis=1), type_a, of_sources, ("r_cg",) * 6,
-        undetermined,
+        seconds=40.0, inertia=np.ones(6), standard_uncertainty=half / 2, interval95=np.stack([1 - half, 1 + half], axis=1),
+        type_a=type_a, of_sources=of_sources, largest_source=("r_cg",) * 6, undeclared=np.full(6, 4.5e-3),
+        undetermined=undetermined,
     )  # fmt: skip
 
 
@@ -210,6 +223,8 @@ def test_noise_falls_with_the_root_of_time_and_sources_stay():
     assert "no time reaches it" in line_of(estimate, 2.9e-3)
     assert "r_cg" in block_of(estimate, 2.9e-3, [])[-1]
     assert "reached" in line_of(estimate, 6e-3)
+    assert "undeclared" not in line_of(estimate, 6e-3)
+    assert line_of(estimate, 4e-3).endswith("; undeclared errors at typical size add at least ± 4.5 to I11 at any time")
 
 
 def test_what_the_motion_does_not_determine_has_no_figure():

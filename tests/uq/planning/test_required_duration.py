@@ -21,7 +21,7 @@ def closed(noise=4.0, cg=1.0, drift=0.0, duration=100.0, lost=20.0):
     variance = np.outer([noise, cg, drift], np.ones(6)) / 9
     nan = np.full(6, np.nan)
     power = np.outer([0, 0, 2], np.ones(6))
-    return Growth(NAMES, duration, variance, np.stack([np.full(6, lost), nan, nan]), power)
+    return Growth(NAMES, duration, variance, np.stack([np.full(6, lost), nan, nan]), power, np.zeros(6))
 
 
 @pytest.fixture(scope="module")

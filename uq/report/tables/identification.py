@@ -18,6 +18,7 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rounding import beside_uncertainty, common, decimals, exact, fixed, significant, with_uncertainty
 from identify.text_tables import Table, sentence
+from uq.experiment.undeclared_table import UndeclaredTable
 from uq.report.drawing import drawing
 
 MOST_DRAWN = 4
@@ -192,7 +193,15 @@ def _offsets(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> Iterator[st
 
 
 def _undeclared(result: Identification) -> Iterator[str]:
-    """A line on the undeclared error that widens an interval most."""
+    """A line on the undeclared error that widens an interval most; where none is known, on the size of one of them."""
+    if result.undeclared is None:
+        scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia)))
+        half = two_digits(GRAM_METRE * mass_and_centre.NORMAL * scale * float(np.abs(result.inertia[k])))
+        cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) tells all"
+        yield (
+            f"undeclared errors are not in these intervals: the gyro's scale alone, at a typical {100 * scale:g} %, "
+            f"adds ± {half} g·m² to {COMPONENTS[k]}{cure}"
+        )
     gap = result.undeclared and result.undeclared.largest(result.parameters.standard_uncertainty)
     if gap:
         yield (

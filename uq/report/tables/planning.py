@@ -118,11 +118,18 @@ def duration_title(duration: Duration) -> str:
     now = f"{significant(GRAM_METRE * duration.now, 4)} g·m² at {duration.current_duration:g} s"
     if duration.seconds is not None:
         how = "" if duration.checked else "; extrapolated, too long to be checked"
-        return f"{wanted}: measure for {significant(duration.seconds, 4)} s (now {now}{how})"
+        return f"{wanted}: measure for {significant(duration.seconds, 4)} s (now {now}{how}){_floor(duration)}"
     return (
         f"{wanted}: no duration reaches it, {significant(GRAM_METRE * duration.reached, 4)} g·m² is the least; "
-        f"{_words(duration.forbids)} forbids it, which time does not average (now {now})"
+        f"{_words(duration.forbids)} forbids it, which time does not average (now {now}){_floor(duration)}"
     )
+
+
+def _floor(duration: Duration) -> str:
+    """Text on what undeclared errors leave, where the target lies below it."""
+    if duration.target > duration.floor:
+        return ""
+    return f"; below the {significant(GRAM_METRE * duration.floor, 3)} g·m² that undeclared errors have at typical size"
 
 
 def duration_tables(duration: Duration) -> list[Table]:
@@ -145,7 +152,8 @@ def duration_table(durations: Sequence[Duration]) -> Table:
             rows.append([*wanted, "–", f"out of reach: {least}"])
         else:
             rows.append([*wanted, significant(duration.seconds, 4), "" if duration.checked else "extrapolated"])
-    head = ["average 3σ of", "target, g·m²", "now, g·m²", "duration, s", "why"]
+        rows[-1].insert(3, significant(GRAM_METRE * duration.floor, 3))
+    head = ["average 3σ of", "target, g·m²", "now, g·m²", "undeclared, g·m²", "duration, s", "why"]
     return Table("How long must I measure?", head, rows, DURATION_NOTE)
 
 
