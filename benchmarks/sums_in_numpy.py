@@ -50,10 +50,10 @@ def estimates(engine: SumsEngine, draws: Draws) -> np.ndarray:
     """Return the estimates of trials, (trials, cases, 6) [kg·m²], by the first estimator."""
     fluctuation = draws.gyro @ engine.gyro.roots[0, 0].T
     noisy = (
-        engine.gram[0, 0] + fluctuation[:, :169].reshape(-1, 13, 13),
-        engine.wrench[0, 0] + fluctuation[:, 169:].reshape(-1, 13, 6),
+        engine.sums.gram[0, 0] + fluctuation[:, :169].reshape(-1, 13, 13),
+        engine.sums.wrench[0, 0] + fluctuation[:, 169:].reshape(-1, 13, 6),
     )
-    true = engine.gram[0], engine.wrench[0]
+    true = engine.sums.gram[0], engine.sums.wrench[0]
     solutions = []
     for k, case in enumerate(engine.cases):
         error = {s.target: draws.constants[s.name] for s in engine.sources if s.name in case.sources and not s.noise}

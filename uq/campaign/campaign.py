@@ -27,7 +27,7 @@ from uq.trials.chooser import Choice
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engine import TrialEstimates, run_trials
 from uq.trials.progress_bar import progress_of
-from uq.trials.trial_loop import TrialLoop, default_devices, trials_in
+from uq.trials.trial_loop import TrialLoop, trials_in
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
@@ -156,12 +156,12 @@ class _TrajectoryRun:
 
     def errors(self, first: int, last: int, truth: np.ndarray) -> np.ndarray:
         """Return estimate minus truth of these trials, (trials, estimators, cases, 6) [kg·m²]."""
-        return np.asarray(self.loop.between(first, last).inertia) - truth
+        return np.asarray(self.loop.results(last, first).inertia) - truth
 
 
 def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRun]:
     """Prepare every trajectory and begin where a checkpoint ends; what is already running goes on beside."""
-    devices = list(asked.options.devices or default_devices())
+    devices = list(asked.options.devices or jax.devices())
     motions = true_motions(asked.experiment, asked.trajectories, devices)
     if store is not None or process_count() > 1:
         identity = _identity(asked, devices)

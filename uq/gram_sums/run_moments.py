@@ -106,8 +106,9 @@ def run_moments(
     """
     algebra, n = noise_algebra(len(taps)), len(valid)
     responses = [np.concatenate([-h[::-1], [0.0], h]) for h in map(np.asarray, taps)]
-    kernels = _of_one_length({f: _kernels(f.autocovariance(n), responses) for f in filters})
-    reach = max(map(len, responses)) - 1
+    covariances, reach = {f: f.autocovariance(n) for f in filters}, max(map(len, responses)) - 1
+    longest = max(map(len, covariances.values())) + 2 * reach  # so that kernels of two filters can be multiplied
+    kernels = {f: _kernels(covariance, responses, longest) for f, covariance in covariances.items()}
     in_steps = not margin and all(f == WHITE for f in filters)
     size, halo = PIECE if in_steps else n - 2 * margin, reach
     filled = halo - margin + (2 * margin - n) % size  # up to a whole number of steps
@@ -131,10 +132,9 @@ def run_moments(
     if WHITE in linear:
         linear[WHITE] = white[:count, :count]
     by_square = np.stack([algebra.by_quadratic[axis, axis][:, layout] for axis in range(3)])
-    alpha = {
-        f: np.array([k[1 + e, 1 + e][len(k[1 + e, 1 + e]) // 2] for e in range(len(taps))]) for f, k in kernels.items()
-    }
-    omega = {f: float(k[0, 0][len(k[0, 0]) // 2]) for f, k in kernels.items()}
+    at_once = {f: [k[c, c][longest // 2] for c in range(1 + len(taps))] for f, k in kernels.items()}
+    omega = {f: float(variances[0]) for f, variances in at_once.items()}
+    alpha = {f: np.array(variances[1:]) for f, variances in at_once.items()}
     return RunMoments(
         algebra=algebra, linear=linear, quadratic=quadratic, squares=white[count:], by_square=by_square, alpha=alpha,
         omega=omega,
@@ -142,39 +142,25 @@ def run_moments(
 
 
 def _kernels(
-    autocovariance: Float[np.ndarray, " lags"], responses: Sequence[np.ndarray]
+    autocovariance: Float[np.ndarray, " lags"], responses: Sequence[np.ndarray], length: int
 ) -> dict[tuple[int, int], Float[np.ndarray, " more_lags"]]:
     """Return the covariance of the noises of two channels, the second's by a lag later; over centred lags."""
-    channels = [np.ones(1), *responses]
-    length = len(autocovariance) + 2 * (max(map(len, channels)) - 1)
     kernels = {}
-    for (c, first), (d, second) in product(enumerate(channels), repeat=2):
+    for (c, first), (d, second) in product(enumerate([np.ones(1), *responses]), repeat=2):
         kernel = np.convolve(np.convolve(first, second[::-1]), autocovariance)
-        margin = (length - len(kernel)) // 2
-        kernels[c, d] = np.pad(kernel, margin)
+        kernels[c, d] = np.pad(kernel, (length - len(kernel)) // 2)
     return kernels
-
-
-def _of_one_length(kernels: dict[NoiseFilter, dict[tuple[int, int], np.ndarray]]) -> dict[NoiseFilter, dict]:
-    """Return the kernels with zeros on either side, so that those of two filters can be multiplied."""
-    longest = max(len(kernel) for by_channels in kernels.values() for kernel in by_channels.values())
-    return {
-        f: {c: np.pad(k, (longest - len(k)) // 2) for c, k in by_channels.items()} for f, by_channels in kernels.items()
-    }
 
 
 def _monomials(piece: Float[np.ndarray, "rows wide"], wanted: Sequence[tuple]) -> dict[tuple, np.ndarray]:
     """Return products of signals; rows are what is valid, then the signals, zero where they do not count."""
     products = {(): piece[0]}
-    for monomial in sorted({monomial for monomial, *_ in wanted}, key=len):
-        products[monomial] = (
-            piece[0] if not monomial else _product_of(monomial[:-1], products, piece) * piece[1 + monomial[-1]]
-        )
+    for monomial in sorted({monomial for monomial, *_ in wanted if monomial}, key=len):
+        *before, last = monomial
+        known = products.get(tuple(before))
+        shorter = np.prod(piece[1 + np.array(before)], axis=0) if known is None else known
+        products[monomial] = shorter * piece[1 + last]
     return products
-
-
-def _product_of(monomial: tuple, known: Mapping[tuple, np.ndarray], piece: np.ndarray) -> np.ndarray:
-    return known[monomial] if monomial in known else np.prod(piece[1 + np.array(monomial)], axis=0)
 
 
 def _terms(

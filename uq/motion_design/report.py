@@ -4,10 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from identify.reporting import Result
-from identify.rigid_body.inertia import COMPONENTS
 
 
 class MotionReport(Result, ABC):
@@ -43,8 +40,3 @@ class MotionReport(Result, ABC):
             "warnings": self.warnings,
             "provenance": dict(self.provenance),
         }
-
-
-def by_component(values: np.ndarray) -> dict[str, float]:
-    """Return the tensor's values by component."""
-    return dict(zip(COMPONENTS, values.tolist(), strict=True))

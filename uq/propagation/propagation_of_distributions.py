@@ -107,22 +107,19 @@ def propagate_distributions(
     loop = TrialLoop(_blocks, problem, seed, devices=jax.devices()[:1], segment=1)  # a block at a time, until stable
     while not loop.count or (loop.count + 1) * block <= most_trials:
         loop.reach(loop.count + 1)
-        blocks.add(loop.between(loop.count - 1, loop.count).reshape(block, -1))
+        blocks.add(loop.results(loop.count, loop.count - 1).reshape(block, -1))
         if blocks.stability().stable:
             break
     draws, stability = np.concatenate(loop.results(loop.count)), blocks.stability()
     finite, failed = finite_trials(draws)
+    notes = [] if stability.stable else [not_stable(stability, len(draws))]
+    notes += [f"{failed} of {len(draws):,} trials are not finite and are left out."] if failed else []
     return Propagation(
         trials=len(draws), seed=seed, estimate=np.asarray(finite.mean(0)),
         covariance=covariance_of(finite.reshape(len(finite), -1)), symmetric=symmetric_interval(finite, probability),
         shortest=shortest_interval(finite, probability), stability=stability,
-        warnings=(*warned, *_warnings(stability, len(draws), failed)), draws=draws,
+        warnings=(*warned, *notes), draws=draws,
     )  # fmt: skip
-
-
-def _warnings(stability: Stability, trials: int, failed: int) -> list[str]:
-    texts = [] if stability.stable else [not_stable(stability, trials)]
-    return texts + ([f"{failed} of {trials:,} trials are not finite and are left out."] if failed else [])
 
 
 class _Problem(Pytree):

@@ -30,7 +30,7 @@ from uq.sources.source import Source
 from uq.trials.chooser import EngineName
 from uq.trials.engine import run_trials
 from uq.trials.progress_bar import Progress, progress_of
-from uq.trials.trial_loop import all_trials, default_devices, finite_trials
+from uq.trials.trial_loop import all_trials, finite_trials
 
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
 """Number of entries of the tensor that equal each packed component. The sum of the variances of its nine entries, the
@@ -80,7 +80,7 @@ def budget(
         raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
     warnings = check_precision(dtype)
     dtype = "float32" if warnings else dtype
-    devices = list(devices or default_devices())
+    devices = list(devices or jax.devices())
     chosen = chosen_estimators(experiment, estimators)
     twins = twinned(experiment.sources, experiment.mixing)
     doubled = replace(experiment, sources=twins.doubled, mixing=twins.mixing)

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertial_parameters import by_component
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.files.provenance import provenance
@@ -59,7 +60,6 @@ class Achieved(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of achieved.json: SI, 3σ in kg·m²."""
-        by = lambda values: dict(zip(COMPONENTS, np.asarray(values).tolist(), strict=True))  # noqa: E731
         followed = {
             f.name: [None if np.isnan(x) else x for x in getattr(self.followed, f.name).tolist()]
             for f in dataclasses.fields(self.followed)
@@ -68,8 +68,9 @@ class Achieved(Result):
             "unit": "kg*m^2", "trajectory": self.trajectory, "run": self.run, "estimator": self.estimator,
             "followed": {**followed, "common_lag": self.followed.common_lag},
             "cg": None if self.stillness is None else dataclasses.asdict(self.stillness),
-            "three_sigma": {"planned": by(self.planned_three_sigma), "achieved": by(self.three_sigma),
-                            "sources": {name: by(values) for name, values in self.sources.items()}},
+            "three_sigma": {"planned": by_component(self.planned_three_sigma),
+                            "achieved": by_component(self.three_sigma),
+                            "sources": {name: by_component(values) for name, values in self.sources.items()}},
             "warnings": list(self.warnings), "provenance": dict(self.provenance),
         }  # fmt: skip
 

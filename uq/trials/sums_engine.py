@@ -96,6 +96,30 @@ class CrossedNoise(Pytree):
     """Weights of the numbers that it has with each source of the gyro's noise."""
 
 
+class SumsByDelay(Pytree):
+    """Noise-free sums of a run at several delays of the gyro, the nodes between which they are interpolated."""
+
+    gram: Float[Array | np.ndarray, "delays estimators elements elements"]
+    """Sums of the elements' products at each node."""
+    wrench: Float[Array | np.ndarray, "delays estimators elements columns"]
+    weights: Float[Array | np.ndarray, "delays powers"]
+    """Coefficients of the powers of the delay, in parts of ``reach`` from the middle, in the weight of each node."""
+    middle: Float[Array | np.ndarray, ""]
+    """Delay in the middle of the nodes' range [s]."""
+    reach: Float[Array | np.ndarray, ""]
+    """Half of that range [s]; 1: nothing is delayed."""
+
+    def node_weights(self, delay: Float[Array | np.ndarray, " #trials"]) -> Float[Array, "delays #trials"]:
+        """Return the weight of each node's sums at a delay [s]."""
+        x = (delay - self.middle) / self.reach
+        return jnp.matmul(self.weights, jnp.stack([x**k for k in range(len(self.gram))]))
+
+    def weighted(self, weights: Float[Array, "delays #trials"], estimator: Int[Array, ""]) -> FeatureSums:
+        """Return an estimator's sums for weights of the nodes; the trials stand last."""
+        at_nodes = self.gram[:, estimator], self.wrench[:, estimator]
+        return FeatureSums(*(jnp.moveaxis(jnp.tensordot(weights, x, (0, 0)), 0, -1) for x in at_nodes))
+
+
 class SumsEngine(Engine):
     """An experiment on one trajectory as sums over its samples, and what noise makes of them."""
 
@@ -104,15 +128,7 @@ class SumsEngine(Engine):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     columns: Columns = static_field()
-    gram: Float[Array, "delays estimators elements elements"]
-    """Noise-free sums of the elements at each node of the delay."""
-    wrench: Float[Array, "delays estimators elements columns"]
-    delay_weights: Float[Array, "delays delays"]
-    """Coefficients of the powers of the delay, in parts of ``reach``, in the weight of each node."""
-    middle: Float[Array, ""]
-    """Delay in the middle of the nodes' range [s]."""
-    reach: Float[Array, ""]
-    """Half of the nodes' range of delays [s]."""
+    sums: SumsByDelay
     expectation: NoiseExpectation
     """Additions of the gyro's noise to expected sums, (cases, estimators, …)."""
     gyro: GyroStreams
@@ -129,11 +145,6 @@ class SumsEngine(Engine):
     def segment(self) -> int:
         """Return some thousands of trials: a fraction of a second."""
         return 5000
-
-    @property
-    def estimators(self) -> int:
-        """Number of estimators."""
-        return self.gram.shape[1]
 
     def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
         """Return the estimates of trials, which stand side by side on the last axis of all that is computed."""
@@ -231,12 +242,10 @@ def _case(
     features = _features_of(engine, gyro_errors)
     cell = _cell_map(engine, drawn)
     r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
-    weights = engine.delay_weights @ _powers((gyro_errors.gyro_delay - engine.middle) / engine.reach, len(engine.gram))
+    weights = engine.sums.node_weights(gyro_errors.gyro_delay)
 
     def estimator(k: Int[Array, ""]) -> tuple[Array, Array]:
-        sums = FeatureSums(
-            *(jnp.moveaxis(jnp.tensordot(weights, x[:, k], (0, 0)), 0, -1) for x in (engine.gram, engine.wrench))
-        )
+        sums = engine.sums.weighted(weights, k)
         if moving and engine.gyro.names:
             sums = _fluctuating(engine, draws, sums, case, k)
         noise = jax.tree.map(lambda leaf: leaf[case, k], engine.expectation)
@@ -249,7 +258,7 @@ def _case(
         estimate = solve_normal(symmetric(jnp.sum(equations.by_axes[:3], axis=0)), right)
         return jnp.broadcast_to(estimate.inertia, (6, count)), jnp.broadcast_to(estimate.ok, (count,))
 
-    return jax.lax.map(estimator, jnp.arange(engine.estimators))
+    return jax.lax.map(estimator, jnp.arange(engine.sums.gram.shape[1]))
 
 
 def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Array) -> Float[Array, "6 streams trials"]:
@@ -297,10 +306,6 @@ def _cell_map(engine: SumsEngine, moving: Mapping[str, Array]) -> Float[Array | 
         return None
     mapped = lambda errors: engine.columns.map(engine.body, engine.platform, no_errors()._replace(**errors))  # noqa: E731
     return jax.vmap(mapped, in_axes=-1, out_axes=-1)({field: moving[field] for field in moving if field in CELL_MAPS})
-
-
-def _powers(x: Float[Array | np.ndarray, " trials"], count: int) -> Float[Array, "powers trials"]:
-    return jnp.stack([x**k for k in range(count)])
 
 
 def _fluctuating(engine: SumsEngine, draws: _Draws, sums: FeatureSums, case: Array, estimator: Array) -> FeatureSums:

@@ -28,7 +28,7 @@ from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
-from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsEngine
+from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsByDelay, SumsEngine
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the sums' correlations, in parts of the largest, that are rounding."""
@@ -49,15 +49,7 @@ class TrueRun(NamedTuple):
     """Omega, every estimator's alpha, force and moment, omega at the delay in the middle."""
     elements: Float[np.ndarray, "estimators elements n"]
     """Elements of :func:`uq.gram_sums.case_equations.feature_map`, likewise."""
-    gram: Float[np.ndarray, "delays estimators elements elements"]
-    """Sums of the elements' products at each node of the delay."""
-    wrench: Float[np.ndarray, "delays estimators elements columns"]
-    delay_weights: Float[np.ndarray, "delays powers"]
-    """Weight of each node's sums by the powers of the delay, in parts of ``reach`` from the middle."""
-    middle: float
-    """Delay in the middle of the nodes' range [s]."""
-    reach: float
-    """Half of that range [s]; zero: nothing is delayed."""
+    sums: SumsByDelay
     remainder: float
     """Error of the sums that are interpolated, in parts of the delay's largest effect."""
 
@@ -102,8 +94,8 @@ def true_run(
     elements = at_nodes[len(nodes) // 2]
     signals = np.concatenate([omega_at(middle), *(phi[-3:] for phi in elements), wrench[:6]])
     return TrueRun(
-        rate=float(rate), valid=valid, taps=taps, signals=signals, elements=np.array(elements), gram=gram,
-        wrench=with_wrench, delay_weights=delay_weights, middle=middle, reach=reach, remainder=remainder,
+        rate=float(rate), valid=valid, taps=taps, signals=signals, elements=np.array(elements), remainder=remainder,
+        sums=SumsByDelay(gram, with_wrench, delay_weights, np.array(middle), np.array(reach or 1.0)),
     )  # fmt: skip
 
 
@@ -134,16 +126,14 @@ def prepare_sums(
         cases: sets of sources that act together.
         moments: of the run's sums (:func:`moments_of`).
     """
-    place, cases = jax.device_put, tuple(cases)
+    cases = tuple(cases)
     noises = gyro_noises(sources, mixing, run.rate)
     gyro, expectation = _gyro_streams(noises, cases, moments)
     cell = _cell_streams(sources, mixing, cases, run.rate, run.elements)
     return SumsEngine(
         cases=cases, body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing),
-        columns=Columns.of(sources), gram=place(run.gram), wrench=place(run.wrench),
-        delay_weights=place(run.delay_weights),
-        middle=place(np.float64(run.middle)), reach=place(np.float64(run.reach or 1.0)),
-        expectation=expectation, gyro=gyro, cell=cell, crossed=_crossed_noise(noises, cell, run, body, cases, moments),
+        columns=Columns.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
+        crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
 
 
@@ -312,7 +302,7 @@ def _crossed_noise(
 
     alone: list[np.ndarray] = []
     with_gyro: list[list[np.ndarray]] = []
-    for k, gram in enumerate(run.gram[len(run.gram) // 2]):
+    for k, gram in enumerate(run.sums.gram[len(run.sums.gram) // 2]):
         true = covariances(sums_by_axes(rows @ gram @ rows.T), cell.white)
         for noise in cell.coloured:
             behind = sums_by_axes(rows @ np.asarray(noise.behind)[k] @ rows.T)

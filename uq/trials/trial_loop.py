@@ -11,7 +11,7 @@ alone and returns arrays with the trials on the leading axis; a trial that fails
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,16 +28,12 @@ SEGMENT = 100
 """Number of trials, roughly, that a device does between two reports of progress, where each holds samples."""
 
 
-@runtime_checkable
-class RunTrials(Protocol):
-    """Runs a batch of trials on one device; a pure function at the top of a module, so that it is compiled once.
+RunTrials = Callable[[Any, Key[Array, ""], Int[Array, " trials"]], Any]
+"""Runs a batch of trials on one device, from problem, key and numbers of the trials, which lead in what it returns.
 
-    Where it calls LAPACK in batches (eigenvalues, decompositions), give the loop one device: on several of one
-    processor these calls deadlock.
-    """
-
-    def __call__(self, problem: Any, key: Key[Array, ""], indices: Int[Array, " trials"], /) -> Any:
-        """Return the batch's results, trials leading."""
+It is a pure function at the top of a module, so that it is compiled once. Where it calls LAPACK in batches
+(eigenvalues, decompositions), give the loop one device: on several of one processor these calls deadlock.
+"""
 
 
 class TrialLoop:
@@ -69,7 +65,7 @@ class TrialLoop:
                 computed.
         """
         self.run, self.batch, self.segment, self.keep = run, batch, segment, keep
-        self.devices = list(devices or default_devices())
+        self.devices = list(devices or jax.devices())
         self.mesh = Mesh(np.array(self.devices), ("trials",), axis_types=(AxisType.Auto,))
         data: Any = key_data(seed)
         self.problem = problem
@@ -102,7 +98,9 @@ class TrialLoop:
             self.pending = self._begin(self._segment(asked))
 
     def _segment(self, asked: int) -> int:
-        return segment_of(self.devices, self.batch, asked, self.segment)
+        """Trials between two reports of progress: whole batches, about ``segment`` a device."""
+        per_device = self.batch * max(1, self.segment // self.batch)
+        return min(per_device, -(-asked // len(self.devices))) * len(self.devices)
 
     def _begin(self, segment: int) -> Any:
         numbers, shards = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
@@ -112,12 +110,8 @@ class TrialLoop:
                 self.run, self.problem, self.key, split, mesh=self.mesh, batch=self.batch, gathered=several()
             )
 
-    def results(self, trials: int) -> Any:
-        """Return the first so many trials as NumPy arrays, trials leading."""
-        return self.between(0, trials)
-
-    def between(self, first: int, last: int) -> Any:
-        """Return trials ``first`` … ``last`` - 1, which must be done."""
+    def results(self, last: int, first: int = 0) -> Any:
+        """Return trials ``first`` … ``last`` - 1, which must be done, as NumPy arrays, trials leading."""
         ends = np.cumsum([trials_in(segment_results) for segment_results in self.segments])
         begin, end = np.searchsorted(ends, first, side="right"), np.searchsorted(ends, last)
         before = int(ends[begin] - trials_in(self.segments[begin]))
@@ -140,11 +134,6 @@ def key_data(seed: int) -> UInt32[np.ndarray, "2"]:
     return np.array([seed >> 32 & 0xFFFFFFFF, seed & 0xFFFFFFFF], np.uint32)
 
 
-def default_devices() -> list[jax.Device]:
-    """Return the devices that trials are spread over where none are named: all."""
-    return jax.devices()
-
-
 def finite_trials(values: Float[np.ndarray, "trials *outputs"]) -> tuple[Float[np.ndarray, "good *outputs"], int]:
     """Return the trials without a NaN or infinity, and how many have one: those that failed."""
     good = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
@@ -154,12 +143,6 @@ def finite_trials(values: Float[np.ndarray, "trials *outputs"]) -> tuple[Float[n
 def trials_in(results: Any) -> int:
     """Return how many trials there are in results, arrays with the trials leading."""
     return len(jax.tree.leaves(results)[0])
-
-
-def segment_of(devices: Sequence[jax.Device], batch: int, asked: int, least: int = SEGMENT) -> int:
-    """Return how many trials are done between two reports of progress: whole batches, about ``least`` a device."""
-    per_device = batch * max(1, least // batch)
-    return min(per_device, -(-asked // len(devices))) * len(devices)
 
 
 def _everywhere(tree: Tree, mesh: Mesh) -> Tree:

@@ -108,12 +108,10 @@ class Arm:
 
     def in_pinocchio(self, q: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
         """Return joint positions as Pinocchio keeps them: a joint without end as cosine and sine."""
+        joints = [self.model.joints[self.model.getJointId(name)] for name in self.names]
         return np.concatenate(
-            [[np.cos(x), np.sin(x)] if joint.nq == 2 else [x] for x, joint in zip(q, self._joints(), strict=True)]
+            [[np.cos(x), np.sin(x)] if joint.nq == 2 else [x] for x, joint in zip(q, joints, strict=True)]
         )
-
-    def _joints(self) -> Iterator[Any]:
-        return (self.model.joints[self.model.getJointId(name)] for name in self.names)
 
 
 def _serial(model: Any, frame: int, urdf: str) -> list[int]:

@@ -7,13 +7,14 @@ from typing import Any
 
 from identify.motion.limit_peaks import Peak
 from identify.rigid_body.inertia import GRAM_METRE
+from identify.rigid_body.inertial_parameters import by_component
 from uq.files.output_folder import place
 from uq.files.provenance import provenance
 from uq.motion_design.arm.arm_design import ArmDesign
 from uq.motion_design.arm.joint_export import joint_files
 from uq.motion_design.arm.mujoco_run import MujocoRun, simulated
 from uq.motion_design.arm.predicted_payload import average_expanded
-from uq.motion_design.report import MotionReport, by_component
+from uq.motion_design.report import MotionReport
 
 TOLERATED = 0.02
 """Share by which the simulated joints may exceed a limit: they follow their command with error."""

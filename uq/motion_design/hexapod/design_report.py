@@ -11,6 +11,7 @@ import numpy as np
 from identify.exceptions import explains_names
 from identify.reporting import plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from identify.rigid_body.inertial_parameters import by_component
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
@@ -18,7 +19,7 @@ from uq.files.provenance import provenance
 from uq.motion_design.hexapod.design import Design
 from uq.motion_design.hexapod.designed_experiment import NAME, designed_files
 from uq.motion_design.hexapod.reference_trajectory import differentiator
-from uq.motion_design.report import MotionReport, by_component
+from uq.motion_design.report import MotionReport
 from uq.planning.required_duration import Duration, average, growth_of, half_of, required_duration
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.propagation.experiment_law import law
