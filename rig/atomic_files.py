@@ -1,7 +1,7 @@
 """Files that appear under their name only when they are complete."""
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,13 +28,12 @@ def replacing(path: str | os.PathLike[str], *, overwrite: bool = False) -> Itera
     """
     check_output(path, overwrite=overwrite)
     target = Path(path)
-    handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:
-        with naming(target), os.fdopen(handle, "wb") as stream:
+        with naming(target), open(temporary, "xb") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
         publish(temporary, target, overwrite=overwrite)
     except BaseException:
         with suppress(FileNotFoundError):
@@ -66,9 +65,3 @@ def publish(temporary: str | os.PathLike[str], target: Path, *, overwrite: bool 
         os.replace(temporary, target)
         return
     os.unlink(temporary)
-
-
-def _umask() -> int:
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask

@@ -151,6 +151,7 @@ def recording_sha256(path: PathLike, files: list[ContainerFile]) -> str:
 
 
 NUMBERED = re.compile(r"(?P<stem>.*)_(?P<number>0|[1-9]\d*)\.(mcap|db3)(\.zstd)?")
+FILE_PATHS = re.compile(r"^\s*relative_file_paths:\s*(?:\[(?P<inline>[^\]]*)\]|(?P<block>(?:- [^\n]*\s*)+))", re.M)
 BAGS = (".mcap", ".db3", ".bag", ".zstd")
 
 
@@ -188,17 +189,9 @@ def _listed_files(about: Path) -> list[str]:
     """The entries of ``relative_file_paths``; names alone, since a folder may have been moved."""
     if about.stat().st_size > LONGEST_METADATA:
         raise RigError(f"too long {about}: it is no list of a run's files")
-    lines = iter(about.read_text("utf-8", "replace").splitlines())
-    names = []
-    for line in lines:
-        key, _, inline = line.strip().partition(":")
-        if key != "relative_file_paths":
-            continue
-        if inline.strip().startswith("["):
-            names = inline.strip(" []").split(",")
-        for entry in lines:
-            if not entry.strip().startswith("- "):
-                break
-            names.append(entry.strip()[2:])
-        break
-    return [Path(name.strip().strip("'\"")).name for name in names if name.strip()]
+    match = FILE_PATHS.search(about.read_text("utf-8", "replace"))
+    if match is None:
+        return []
+    entries = match["block"].split("\n") if match["block"] else match["inline"].split(",")
+    names = (entry.strip().removeprefix("- ").strip("'\" ") for entry in entries)
+    return [Path(name).name for name in names if name]

@@ -72,8 +72,8 @@ class AtiParser(Parser):
         super().__init__()
         self._force, self._torque, self._tick = force, torque, tick
         self._clock, self._sequence = Unwrapper(2**32), Unwrapper(2**32)
-        self._place: int | None = None  # the sequence number that is due
-        self._first = self._last = 0  # the number that counting began with, and the largest that came
+        self._begun = False
+        self._place = self._first = self._last = 0  # the number that is due, the first counted, the largest that came
         self._waiting: dict[int, Sample] = {}
         self._gaps: deque[range] = deque(maxlen=1000)
         self._behind = 0  # datagrams in a row from before the place, and how many of them count as repeated
@@ -82,7 +82,7 @@ class AtiParser(Parser):
     def begin(self) -> None:
         """Restart the counts here; a datagram from before that comes later counts for nothing."""
         super().begin()
-        self._place = None
+        self._begun = False
         self._waiting.clear()
         self._gaps.clear()
 
@@ -114,8 +114,8 @@ class AtiParser(Parser):
         self._count(frame)
         (sample,) = self.samples(frame)
         number = sample.counter or 0
-        if self._place is None:
-            self._place, self._first, self._last = number, number, number - 1
+        if not self._begun:
+            self._begun, self._place, self._first, self._last = True, number, number, number - 1
         if number <= self._last:
             self._late(number, samples)
         self._last = max(self._last, number)
@@ -129,7 +129,6 @@ class AtiParser(Parser):
 
     def _late(self, number: int, samples: list[Sample]) -> None:
         """Count a datagram from before the last; many in a row say that the sensor has started its stream anew."""
-        assert self._place is not None  # noqa: S101
         counts, missed = self.counts, any(number in gap for gap in self._gaps)
         if number in self._waiting or (number < self._place and not missed):
             counts.repeated += number >= self._first
@@ -147,7 +146,6 @@ class AtiParser(Parser):
             self._gaps.clear()
 
     def _release(self, samples: list[Sample]) -> None:
-        assert self._place is not None  # noqa: S101
         while self._place in self._waiting:
             sample = self._waiting.pop(self._place)
             self._place += 1
@@ -157,7 +155,6 @@ class AtiParser(Parser):
 
     def _pass_gap(self, samples: list[Sample]) -> None:
         """Give up what is due, up to the first that waits."""
-        assert self._place is not None  # noqa: S101
         first = min(self._waiting)
         self._gaps.append(range(self._place, first))
         self.counts.missing += first - self._place

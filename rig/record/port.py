@@ -5,6 +5,7 @@ import os
 import select
 import socket
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 from urllib.parse import parse_qsl, urlsplit
@@ -251,12 +252,12 @@ def latency_warning(path: str) -> str:
     """Set a USB adapter's latency timer to 1 ms where we may; returns a warning where it stays longer, else ''."""
     timer = latency_file(path)
     try:
-        value = int(timer.read_text())
-        if value > 1:
-            timer.write_text("1")
+        if int(timer.read_text()) > 1:
+            with suppress(OSError):
+                timer.write_text("1")
         value = int(timer.read_text())
     except (OSError, ValueError):
-        value = int(timer.read_text()) if timer.is_file() else 1
+        return ""
     return f"latency timer of {path} is {value} ms: write 1 to {timer} for better time stamps" if value > 1 else ""
 
 

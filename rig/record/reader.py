@@ -61,18 +61,22 @@ class Reader(threading.Thread):
         port = open_port(self._port_name, self.entry.baudrate, self.entry.device.NUMBER)
         try:
             self.identity = converse(self.entry.device.start(), port)
-        except PortLostError as error:
+        except (PortLostError, NoAnswerError) as error:
             port.close()
-            raise RigError(
-                f"port lost {self._port_name} ({error}): check the cable and the power of {self.entry.name}"
-            ) from error
-        except NoAnswerError as error:
-            port.close()
-            raise unanswered(self.entry, self._port_name, error.heard) from error
+            raise self._reason(error) from error
         except BaseException:
             port.close()
             raise
         return port
+
+    def _reason(self, error: PortLostError | NoAnswerError) -> RigError:
+        """Return the probable reason why a device did not introduce itself, and what to do."""
+        name, port, kind = self.entry.name, self._port_name, self.entry.kind
+        if isinstance(error, PortLostError):
+            return RigError(f"port lost {port} ({error}): check the cable and the power of {name}")
+        if error.heard:
+            return RigError(f"no sense in the {error.heard} bytes of {name} on {port}: {self.entry.wrong_device}")
+        return RigError(f"no answer from {name} on {port}: check its power and cable, and that it is a '{kind}'")
 
     def _listen(self, port: Port) -> None:
         while not self._halt.is_set():
@@ -103,12 +107,3 @@ class Reader(threading.Thread):
             pass
         finally:
             port.close()
-
-
-def unanswered(entry: DeviceEntry, port_name: str, heard: int) -> RigError:
-    """Return the probable reason why a device did not answer, and what to do."""
-    if heard:
-        return RigError(f"no sense in the {heard} bytes of {entry.name} on {port_name}: {entry.wrong_device}")
-    return RigError(
-        f"no answer from {entry.name} on {port_name}: check its power and cable, and that it is a '{entry.kind}'"
-    )
