@@ -3,9 +3,6 @@
 from abc import ABC, abstractmethod
 from typing import ClassVar, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rig.devices.conversation import Conversation, Identity
 from rig.devices.parser import Parser
 from rig.exceptions import RigError, quoted
@@ -15,13 +12,6 @@ WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 IMU = ("omega_x", "omega_y", "omega_z", "specific_force_x", "specific_force_y", "specific_force_z")
 LEAST_RATE, MOST_RATE = 0.1, 50_000.0
 """Sample rates [Hz] that a device may be asked for; dividers and periods in their commands are whole numbers."""
-
-
-def turned(matrix: NDArray[np.float64], values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the values with the first two vectors multiplied by a matrix (3, 3), whatever numbers these are."""
-    with np.errstate(all="ignore"):
-        vectors = np.reshape(values[:6], (2, 3)) @ matrix.T
-    return (*vectors.ravel().tolist(), *values[6:])
 
 
 class Channel(NamedTuple):

@@ -5,6 +5,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 class Sample(NamedTuple):
     """One measurement of a device.
@@ -27,6 +30,13 @@ class Sample(NamedTuple):
     end: int = 0
     number: int = 0
     gap: int = 0
+
+
+def turned(matrix: NDArray[np.float64], values: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the values with the first two vectors multiplied by a matrix (3, 3), whatever numbers these are."""
+    with np.errstate(all="ignore"):
+        vectors = np.reshape(values[:6], (2, 3)) @ matrix.T
+    return (*vectors.ravel().tolist(), *values[6:])
 
 
 @dataclass

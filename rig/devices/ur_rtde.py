@@ -18,9 +18,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.devices.base import WRENCH, Channel, Device, Emulator, turned
+from rig.devices.base import WRENCH, Channel, Device, Emulator
 from rig.devices.conversation import Conversation, Heard, Identity, Inquire, Listen, Send, ask
-from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
+from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, turned
 from rig.exceptions import RigError, listed, quoted
 
 HEAD = struct.Struct(">HB")

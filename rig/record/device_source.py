@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.devices.base import turned
 from rig.devices.conversation import Identity
-from rig.devices.parser import Counts, Sample
+from rig.devices.parser import Counts, Sample, turned
 from rig.record.device_clock import ClockTracker, CounterClock
 from rig.record.reader import Event, Reader
 from rig.record.rig_file import IDENTITY, DeviceEntry

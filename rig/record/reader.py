@@ -71,7 +71,7 @@ class Reader(threading.Thread):
 
     def _reason(self, error: PortLostError | NoAnswerError) -> RigError:
         """Return the probable reason why a device did not introduce itself, and what to do."""
-        name, port, kind = self.entry.name, self._port_name, self.entry.kind
+        name, port, kind = self.entry.name, self._port_name, self.entry.device.kind
         if isinstance(error, PortLostError):
             return RigError(f"port lost {port} ({error}): check the cable and the power of {name}")
         if error.heard:

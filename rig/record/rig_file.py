@@ -105,7 +105,6 @@ class DeviceEntry:
     """
 
     name: str
-    kind: str
     port: str
     device: Device
     baudrate: int
@@ -124,8 +123,10 @@ class DeviceEntry:
     def wrong_device(self) -> str:
         """Advice for bytes that make no sense."""
         if self.device.NETWORK:
-            return f"another device than '{self.kind}' is at this address, correct `port` or `kind`"
-        return f"wrong baud rate ({self.baudrate}) or another device than '{self.kind}', set `baudrate` or `kind`"
+            return f"another device than '{self.device.kind}' is at this address, correct `port` or `kind`"
+        return (
+            f"wrong baud rate ({self.baudrate}) or another device than '{self.device.kind}', set `baudrate` or `kind`"
+        )
 
     @property
     def required(self) -> bool:
@@ -170,7 +171,6 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> DeviceEntry:
     _check_line(table, device)
     return DeviceEntry(
         name=table.name,
-        kind=table.kind,
         port=table.port,
         device=device,
         baudrate=device.BAUDRATE if table.baudrate is None else table.baudrate,

@@ -88,7 +88,7 @@ class Emulators:
 
 def _spec(entry: DeviceEntry, folder: Path) -> dict:
     name, _, query = entry.port.removeprefix("emulator:").partition("?")
-    spec: dict = {"name": entry.name, "kind": entry.kind, "options": entry.device.options}
+    spec: dict = {"name": entry.name, "kind": entry.device.kind, "options": entry.device.options}
     spec |= dict(_emulator_option(entry, text) for text in query.split("&") if text)
     if entry.device.NETWORK != "udp" and spec.keys() & {"lose", "swap"}:
         raise RigError(f"options 'lose' and 'swap' in the port of {entry.name} are for devices on UDP: remove them")
