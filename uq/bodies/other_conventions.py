@@ -63,25 +63,19 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
         reference: what is expected.
     """
     expected = reference.parameters.tensor
-    if not _rejected(measured, expected):
+    beyond = (np.abs(normalised_error(measured, expected)) > 1).any()
+    exact = not np.diag(measured.covariance + expected.covariance).any()
+    if not (beyond and (exact or joint_chi_squared(measured, expected)[2] < REJECTED)):
         return ()
     before = _norm(measured.inertia - expected.inertia)
     candidates = []
-    for candidate in _candidates(reference):
+    report = [*_signs_and_points(reference), *_units(reference)] if reference.kind == "CAD report" else []
+    for candidate in (*report, *_axes(reference)):
         remaining = _norm(measured.inertia - candidate.tensor.inertia) / before
         within = (np.abs(normalised_error(measured, candidate.tensor)) <= 1).all()
         if remaining < VANISHED or (within and remaining < SMALLER):
             candidates.append((candidate, remaining))
     return _simplest(candidates)
-
-
-def _rejected(measured: Tensor, expected: Tensor) -> bool:
-    beyond = (np.abs(normalised_error(measured, expected)) > 1).any()
-    return bool(beyond and (joint_chi_squared(measured, expected)[2] < REJECTED or _exact(measured, expected)))
-
-
-def _exact(measured: Tensor, expected: Tensor) -> bool:
-    return not np.diag(measured.covariance + expected.covariance).any()
 
 
 def _norm(packed: np.ndarray) -> float:
@@ -101,11 +95,6 @@ def _simplest(candidates: Sequence[tuple[_Candidate, float]]) -> tuple[Suspicion
 # --- the conventions ---
 
 BOTH = "products and point"
-
-
-def _candidates(reference: Reference) -> list[_Candidate]:
-    report = [*_signs_and_points(reference), *_units(reference)] if reference.kind == "CAD report" else []
-    return [*report, *_axes(reference)]
 
 
 def _signs_and_points(reference: Reference) -> list[_Candidate]:

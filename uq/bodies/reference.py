@@ -34,6 +34,7 @@ from uq.bodies.drawing import (
     Vector,
     drawing,
 )  # fmt: skip
+from uq.bodies.exported_body import principal_axes
 from uq.files.document import ExperimentError, in_file, read_document
 from uq.files.rotation_key import ROTATION
 from uq.files.schema import declared_table
@@ -178,11 +179,10 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
         raise ExperimentError(f"{wrong}: check holes and masses")
     warnings = (*warned, *([f"{wrong} as its report is read: check about, products and units"] if wrong else []))
     origin = np.array([mean(coordinate) for coordinate in frame.origin])
-    about, products = ("CG", "tensor") if cad is None else (cad.about, cad.products)
-    kind: Literal["drawing", "CAD report"] = "drawing" if cad is None else "CAD report"
+    meant = {"about": "CG", "products": "tensor"} if cad is None else {"about": cad.about, "products": cad.products}
     return Reference(
-        name=name, parameters=parameters, contributions=contributions, kind=kind, rotation=frame.axes, origin=origin,
-        about=about, products=products, warnings=warnings, document=document,
+        name=name, parameters=parameters, contributions=contributions, kind="drawing" if cad is None else "CAD report",
+        rotation=frame.axes, origin=origin, warnings=warnings, document=document, **meant,
     )  # fmt: skip
 
 
@@ -206,8 +206,7 @@ def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.nd
 
 def _impossible(parameters: InertialParameters, name: str) -> str | None:
     """Return the reason why no body has this mass and tensor; None: one may have."""
-    packed = np.asarray(parameters.inertia)
-    low, middle, high = np.linalg.eigvalsh(packed[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
+    low, middle, high = principal_axes(parameters.inertia)[0]
     if parameters.mass <= 0 or low <= 0 or low + middle < high * (1 - ROUNDING):
         return (
             f"{name} is no body: its mass is {significant(parameters.mass, 4)} kg, its principal moments are "

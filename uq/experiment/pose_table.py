@@ -13,6 +13,7 @@ from rig.toml_tables import TomlTable, WrongKeyError
 from uq.files.csv_columns import ColumnsTable
 from uq.files.document import ExperimentError
 from uq.files.schema import Axes, in_unit
+from uq.sources.correlations import root_of
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
 
@@ -94,10 +95,9 @@ def uncertain(specific_force: np.ndarray, poses: Poses, sensor: Accelerometer | 
     columns, lasting = [turned] * (poses.sigma_alignment > 0), 3 * (poses.sigma_alignment > 0)
     if sensor is not None:
         covariance = sensor.covariance if sensor.fitted else poses.sigma_accelerometer**2 * np.eye(3)
-        values, vectors = np.linalg.eigh(covariance)
         up = specific_force[:, :, None] / gravity
         across = np.eye(3) - up * up.transpose(0, 2, 1)
-        columns.append(-across @ (turn @ (vectors * np.sqrt(np.maximum(values, 0)))) / sensor.gain)
+        columns.append(-across @ turn @ root_of(covariance) / sensor.gain)
     return Attitudes(poses.sigma_attitude, np.concatenate(columns, axis=2) if columns else None, lasting)
 
 

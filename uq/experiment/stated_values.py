@@ -1,8 +1,8 @@
 """Tables of an experiment file that state a quantity with its standard uncertainty: [scale], [datum], [fixture]."""
 
-from collections.abc import Mapping
 from typing import Annotated, get_args
 
+import msgspec
 import numpy as np
 
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
@@ -14,9 +14,19 @@ from uq.files.schema import Axes, Component, in_unit
 Metre = Annotated[float, in_unit("m")]
 Moment = Annotated[float, in_unit("kg*m^2", above=0)]
 Product = Annotated[float, in_unit("kg*m^2")]
+SigmaOfInertia = Annotated[float, in_unit("kg*m^2", least=0)]
 
 
-class InertiaTable(TomlTable, frozen=True, kw_only=True):
+class TensorTable(TomlTable, frozen=True, kw_only=True):
+    """A figure for each component of a tensor."""
+
+    @property
+    def packed(self) -> np.ndarray:
+        """Return the array of I11, I12, I13, I22, I23, I33 [kg·m²]."""
+        return np.array([getattr(self, name) for name in get_args(Component)])
+
+
+class InertiaTable(TensorTable, frozen=True, kw_only=True):
     """A tensor about the centre of gravity, by its entries."""
 
     I11: Moment
@@ -39,10 +49,16 @@ class InertiaTable(TomlTable, frozen=True, kw_only=True):
                 "its moments must be positive and obey the triangle inequality",
             )
 
-    @property
-    def packed(self) -> np.ndarray:
-        """Return the array of I11, I12, I13, I22, I23, I33 [kg·m²]."""
-        return np.array([getattr(self, name) for name in get_args(Component)])
+
+class InertiaUncertaintyTable(TensorTable, frozen=True, kw_only=True):
+    """Standard uncertainties of a tensor's entries; zero where not stated."""
+
+    I11: SigmaOfInertia = 0.0
+    I12: SigmaOfInertia = 0.0
+    I13: SigmaOfInertia = 0.0
+    I22: SigmaOfInertia = 0.0
+    I23: SigmaOfInertia = 0.0
+    I33: SigmaOfInertia = 0.0
 
 
 class ScaleTable(TomlTable, frozen=True, kw_only=True):
@@ -62,7 +78,7 @@ class ScaleTable(TomlTable, frozen=True, kw_only=True):
 class DatumTable(TomlTable, frozen=True, kw_only=True):
     """``[datum]``: a frame fixed to the body in which the result is also wanted."""
 
-    rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
+    rotation_to_body: Annotated[np.ndarray, ROTATION] = msgspec.field(default_factory=lambda: np.eye(3))
     """Rotation from the datum's axes to the body's."""
     position: Axes[Metre] = (0.0, 0.0, 0.0)
     """The datum's origin from Q, in B."""
@@ -74,8 +90,8 @@ class DatumTable(TomlTable, frozen=True, kw_only=True):
     @property
     def value(self) -> Datum:
         """The frame with its covariance."""
-        turn = np.eye(3) if self.rotation_to_body is None else self.rotation_to_body.T
-        return Datum(turn, np.array(self.position), np.diag(np.square([*self.sigma_rotation, *self.sigma_position])))
+        spread = np.square([*self.sigma_rotation, *self.sigma_position])
+        return Datum(self.rotation_to_body.T, np.array(self.position), np.diag(spread))
 
 
 class FixtureTable(TomlTable, frozen=True, kw_only=True):
@@ -90,13 +106,12 @@ class FixtureTable(TomlTable, frozen=True, kw_only=True):
     """Standard uncertainty of the fixture's mass."""
     sigma_r_cg: Axes[Annotated[float, in_unit("m", least=0)]] = (0.0, 0.0, 0.0)
     """Standard uncertainty of the fixture's centre of gravity on each axis."""
-    sigma_inertia: Mapping[Component, Annotated[float, in_unit("kg*m^2", least=0)]] = {}
-    """Standard uncertainties of the fixture's tensor; zero where not stated."""
+    sigma_inertia: InertiaUncertaintyTable = InertiaUncertaintyTable()
+    """Standard uncertainties of the fixture's tensor."""
 
     @property
     def value(self) -> InertialParameters:
         """The fixture's ten parameters with their covariance; a tensor of NaN: not stated."""
         tensor = np.full(6, np.nan) if self.inertia is None else self.inertia.packed
-        sigma_inertia = [self.sigma_inertia.get(name, 0.0) for name in get_args(Component)]
-        spread = np.array([self.sigma_mass, *self.sigma_r_cg, *sigma_inertia])
+        spread = np.array([self.sigma_mass, *self.sigma_r_cg, *self.sigma_inertia.packed])
         return InertialParameters(self.mass, np.array(self.r_cg_from_q), tensor, np.diag(spread**2))

@@ -71,13 +71,13 @@ class PreparedLaw:
             )
         mixing, results = self.experiment.mixing, {}
         for run in self.runs.values():
-            check_law(sources, mixing, run.peaks)
+            check_law(sources, mixing, run.sums.peaks)
         constants = constants_of(sources, mixing)
         at_rate: dict[float, CaseInputs] = {}
         for name, run in self.runs.items():
             rate = self.experiment.trajectories[name].rate
             if rate not in at_rate:
-                at_rate[rate] = inputs_of_cases(cases, constants, sources, mixing, rate, run.peaks)
+                at_rate[rate] = inputs_of_cases(cases, constants, sources, mixing, rate, run.sums.peaks)
             statistics = _of_run(run, constants, at_rate[rate])
             results[name] = {
                 estimator: tuple(LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from identify.floating_point import check_precision
 from identify.reporting import Result
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
+from uq.sources.correlations import root_of
 
 
 @runtime_checkable
@@ -185,8 +186,7 @@ def _root(name: str, given: Input) -> Float[np.ndarray, "k k"]:
                 f"Argument `inputs` must give '{name}' a covariance of shape {(size, size)}, but it has the shape "
                 f"{np.shape(covariance)}."
             )
-        values, vectors = np.linalg.eigh(np.asarray(covariance, float))
-        return vectors * np.sqrt(np.maximum(values, 0))
+        return root_of(np.asarray(covariance, float))
     infinite_freedom = np.all(np.isinf(given.degrees_of_freedom))
     sigma = given.standard_deviation if infinite_freedom else getattr(given, "scale", given.standard_deviation)
     return np.diag(np.broadcast_to(np.asarray(sigma, float), shape).ravel())

@@ -31,9 +31,9 @@ class LawVerdict(NamedTuple):
     """Reason why the textbook's law is rejected; empty where it is not."""
 
 
-def verdicts(
+def validate_law(
     law: LawResult, result: MonteCarloResult, *, probability: float = 0.95, digits: int = 1
-) -> list[LawVerdict]:
+) -> "LawValidation":
     """Compare the intervals of the law and of the textbook's first-order law with a Monte Carlo's.
 
     Args:
@@ -42,7 +42,7 @@ def verdicts(
         probability: coverage probability.
         digits: significant digits of the standard uncertainty that count (JCGM 101, 7.9.2).
     """
-    verdicts_of_cases = []
+    verdicts = []
     for trajectory, estimator in law.pairs():
         breakdown = law[trajectory, estimator]
         number = list(result.breakdowns[trajectory]).index(estimator)
@@ -56,10 +56,10 @@ def verdicts(
                 for ends in (statistics.coverage_interval(probability), statistics.textbook_interval(probability))
             )
             why = reason(statistics) if rejected(textbook).any() else ""
-            verdicts_of_cases.append(
+            verdicts.append(
                 LawVerdict(trajectory=trajectory, estimator=estimator, case=case, law=ours, textbook=textbook, why=why)
             )
-    return verdicts_of_cases
+    return LawValidation(law, result, tuple(verdicts), probability, digits)
 
 
 def rejected(verdict: Verdict) -> np.ndarray:
@@ -139,11 +139,3 @@ class LawValidation(Result):
                 for v in self.verdicts
             ],
         }  # fmt: skip
-
-
-def validate_law(
-    law: LawResult, result: MonteCarloResult, *, probability: float = 0.95, digits: int = 1
-) -> LawValidation:
-    """Return the law beside a Monte Carlo, and whether its intervals hold; see :func:`verdicts`."""
-    judged = verdicts(law, result, probability=probability, digits=digits)
-    return LawValidation(law, result, tuple(judged), probability, digits)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from identify.motion.trajectory import Motion, sample
@@ -27,6 +26,7 @@ from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_su
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.run_sums import jerk_of
 from uq.sources.constant_errors import unravel
+from uq.sources.correlations import root_of
 
 
 class Predicted(NamedTuple):
@@ -71,7 +71,7 @@ class Prediction(Pytree):
         return cls(
             body=experiment.body, platform=platform_of(experiment, spec),
             expected=jnp.asarray(constants.errors @ constants.mean),
-            directions=jnp.asarray((constants.errors * constants.sigma) @ _root(constants.correlation)),
+            directions=jnp.asarray((constants.errors * constants.sigma) @ root_of(constants.correlation)),
             wrench=jnp.asarray(inputs.wrench[0]), gyro=jnp.asarray(inputs.gyro[0]), rate=spec.rate,
             columns=Columns.of(experiment.sources),
         )  # fmt: skip
@@ -166,12 +166,6 @@ class Prediction(Pytree):
             jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(weights[None] * slopes @ moment.T)
         )
         return now, later, twice
-
-
-def _root(correlation: np.ndarray) -> np.ndarray:
-    """L with ``L Lᵀ`` a correlation matrix, which may be singular."""
-    values, vectors = np.linalg.eigh(correlation)
-    return vectors * np.sqrt(np.maximum(values, 0))
 
 
 def predicted(experiment: Experiment, spec: TrajectorySpec, rate: float, gain: float) -> Predicted:

@@ -18,10 +18,9 @@ from jaxtyping import Float
 from identify.rigid_body.inertia import Body
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
-from uq.gram_sums.case_equations import NO_NOISE
+from uq.gram_sums.case_equations import NO_NOISE, FeatureSums
 from uq.gram_sums.error_maps import Columns, Platform
 from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
-from uq.propagation.beyond_the_law import Peaks
 from uq.propagation.expansion import (
     Expansion,
     error_maps,
@@ -65,11 +64,6 @@ class PreparedRun:
     sums: RunSums
     kept: "Recent" = field(default_factory=lambda: Recent(MOST_EXPANSIONS), repr=False, compare=False)
 
-    @property
-    def peaks(self) -> Peaks:
-        """Largest values and steps of the signals."""
-        return self.sums.peaks
-
     def expansion(self, expected: np.ndarray, variance: np.ndarray, errors: Float[np.ndarray, "e d"]) -> Expansion:
         """Return every estimator's expansion, the estimators on the first axis.
 
@@ -79,7 +73,7 @@ class PreparedRun:
             errors: how they follow from the d numbers that are drawn.
         """
         key = (expected.tobytes(), variance.tobytes(), errors.tobytes())
-        return self.kept.get(key, lambda: self._expanded(expected, _white(variance), errors))
+        return self.kept.get(key, lambda: self._expanded(expected, GyroNoise.white(np.diag(variance)), errors))
 
     def _expanded(self, expected: np.ndarray, noise: GyroNoise, errors: np.ndarray) -> Expansion:
         fields = tuple(name for name, rows in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(rows))
@@ -89,34 +83,28 @@ class PreparedRun:
 
     def scatter(self, variance: np.ndarray) -> Scatter:
         """Return what omega's white noise of this variance [rad²/s²] does to the sums."""
-        return self.kept.get(variance.tobytes(), lambda: self._scattered(_white(variance)))
+        return self.kept.get(variance.tobytes(), lambda: self._scattered(GyroNoise.white(np.diag(variance))))
 
     def _scattered(self, noise: GyroNoise) -> Scatter:
-        moments, scatters = self.sums.moments, []
+        moments = self.sums.moments
         covariance, linear = moments.covariance(noise), moments.linear_covariance(noise)
         maps = error_maps(self.body, self.platform, self.columns, no_errors())
-        for k, (sums, *_) in enumerate(self.sums.noise_free):
+
+        def scatter(k: int, sums: FeatureSums) -> Scatter:
             gram, moment = mapped_sums(maps, sums)
             rows = equations_of_products(moments.algebra, k, np.asarray(self.body.r_cg_from_q))
-            change = packed_equations(gram, moment, moments.expectation(noise, k, fourth_order=False))
-            scatters.append(
-                Scatter(
-                    mean=expected_by_axes(gram, moments.expectation(noise, k)),
-                    noise_free=expected_by_axes(gram, NO_NOISE),
-                    covariance=rows @ covariance @ rows.T,
-                    linear=rows @ linear @ rows.T,
-                    change=change - packed_equations(gram, moment, NO_NOISE),
-                )
-            )
-        return stacked(scatters)
+            noisy, quiet = moments.expectation(noise, k, fourth_order=False), NO_NOISE
+            return Scatter(
+                mean=expected_by_axes(gram, moments.expectation(noise, k)), noise_free=expected_by_axes(gram, quiet),
+                covariance=rows @ covariance @ rows.T, linear=rows @ linear @ rows.T,
+                change=packed_equations(gram, moment, noisy) - packed_equations(gram, moment, quiet),
+            )  # fmt: skip
+
+        return stacked([scatter(k, sums) for k, (sums, *_) in enumerate(self.sums.noise_free)])
 
     def cell_scatter(self, by_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """Return the covariance of the normal equations under the load cell's noise; see :func:`cell_scatter`."""
         return cell_scatter(by_axes, cell, np.asarray(self.body.r_cg_from_q))
-
-
-def _white(variance: Float[np.ndarray, "3"]) -> GyroNoise:
-    return GyroNoise.white(np.diag(variance))
 
 
 def stacked(parts: Sequence[Parts], axis: int = 0) -> Parts:

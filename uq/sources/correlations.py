@@ -20,11 +20,6 @@ class SourceEntry(NamedTuple):
     correlation: np.ndarray | None
     """Correlation matrix of the source's axes; None: they are independent."""
 
-    @property
-    def axes(self) -> int:
-        """Number of values that the source draws."""
-        return int(np.size(self.source.sigma))
-
 
 class Link(NamedTuple):
     """A correlation between the numbers that two sources draw, from a ``[[correlation]]``."""
@@ -101,7 +96,7 @@ def mixing_of(entries: Sequence[SourceEntry], links: Sequence[Link]) -> tuple[Mi
 
 
 def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
-    names, axes = [entry.source.name for entry in members], [entry.axes for entry in members]
+    names, axes = zip(*((entry.source.name, int(np.size(entry.source.sigma))) for entry in members), strict=True)
     axes_of = {name: slice(end - n, end) for name, n, end in zip(names, axes, np.cumsum(axes), strict=True)}
     matrix = np.eye(sum(axes))
     for entry in members:
@@ -110,7 +105,13 @@ def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
     for rows, columns, coefficients in ((axes_of[a], axes_of[b], c) for (a, b), c in links if a in axes_of):
         matrix[rows, columns], matrix[columns, rows] = coefficients, coefficients.T
     check_correlation(f"correlation of {', '.join(names)}", matrix)
-    return Mixing(tuple(names), tuple(axes), matrix)
+    return Mixing(names, axes, matrix)
+
+
+def root_of(covariance: np.ndarray) -> np.ndarray:
+    """Return L with ``L Lᵀ`` a covariance or correlation matrix, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)))
 
 
 def check_correlation(where: str, matrix: np.ndarray) -> None:

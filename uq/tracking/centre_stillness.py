@@ -52,11 +52,11 @@ def stillness_of(
     inside = (at >= t[0]) & (at <= t[-1])
     in_a = np.einsum("nij,nj->ni", np.asarray(motion.rotation), np.asarray(force) - upward)
     plan_in_a = np.einsum("nij,nj->ni", np.asarray(plan.rotation), planned)
-    measured_band, planned_band = (_in_band(x[inside], spec.rate, band) for x in (in_a, plan_in_a))
-    difference = _in_band((in_a - plan_in_a)[inside], spec.rate, band)
+    signals = (in_a, plan_in_a, in_a - plan_in_a)
+    (acceleration, displacement), (planned, _), (apart, _) = (_in_band(x[inside], spec.rate, band) for x in signals)
     return Stillness(
-        acceleration=_rms(measured_band[0]), planned=_rms(planned_band[0]), apart=_rms(difference[0]),
-        displacement=_rms(measured_band[1]), by=by,
+        acceleration=_rms(acceleration), planned=_rms(planned), apart=_rms(apart), displacement=_rms(displacement),
+        by=by,
     )  # fmt: skip
 
 

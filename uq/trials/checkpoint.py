@@ -107,7 +107,8 @@ class Checkpoint:
         for k, path in enumerate(paths):
             header, estimates = self._read(path)
             if header["first"] > done and header["processes"] > 1:
-                self._forget(paths[k:])  # a process that was lost had more to write
+                for late in paths[k:] if self.first else []:  # a process that was lost had more to write
+                    late.unlink()  # nothing leads up to it: its trials are run again
                 break
             if (header["trajectory"], header["first"]) != (trajectory, done):
                 raise ExperimentError(f"a part before {path} is missing: {_delete(self.folder)}")
@@ -153,11 +154,6 @@ class Checkpoint:
         with contextlib.suppress(OSError):
             for folder in self.made[1:]:
                 folder.rmdir()
-
-    def _forget(self, paths: list[Path]) -> None:
-        """Delete parts that nothing leads up to: their trials are run again."""
-        for path in paths if self.first else []:
-            path.unlink()
 
     def _compare(self, head: Path, identity: dict[str, Any], expected: str) -> None:
         try:

@@ -20,7 +20,7 @@ from uq.propagation import prepared_run as kept
 from uq.propagation.beyond_the_law import BeyondLawError, Peaks
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
-from uq.propagation.law_validation import rejected, validate_law, verdicts
+from uq.propagation.law_validation import rejected, validate_law
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT
 
@@ -86,7 +86,7 @@ def test_law_and_monte_carlo_agree(brief, prepared):
     tables = beside(predicted, result)
     assert len(tables) == 2 * 2
     assert max(abs(float(row[k].replace("−", "-"))) for table in tables for row in table.rows for k in (3, 6)) < 4.5
-    by_case = {(v.trajectory, v.estimator, v.case): v for v in verdicts(predicted, result)}
+    by_case = {(v.trajectory, v.estimator, v.case): v for v in validate_law(predicted, result).verdicts}
     for trajectory in ("T1", "T3"):
         gyro, cell = (by_case[trajectory, "central", name] for name in ("omega_precision", "M_precision"))
         assert rejected(gyro.textbook)[5]

@@ -13,7 +13,8 @@ from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.gram_sums.cases import Case
-from uq.propagation.inputs import Peaks, constants_of, inputs_of_cases
+from uq.propagation.beyond_the_law import ANYWHERE
+from uq.propagation.inputs import constants_of, inputs_of_cases
 
 
 class WrenchNoise(NamedTuple):
@@ -31,13 +32,11 @@ def declared_noise(experiment: Experiment, rate: float) -> WrenchNoise:
     Raises:
         ExperimentError: force or moment have none, or a source that the law cannot take.
     """
-    names = ("F", "M", "omega")
-    anywhere = Peaks({name: np.zeros(3) for name in names}, {name: np.full(3, np.inf) for name in names})
     load_cell = frozenset({"F", "M"})
     counted = frozenset(s.name for s in experiment.sources if s.error_kind.white and load_cell.issuperset({s.target}))
     constants = constants_of(experiment.sources, experiment.mixing)
     cases = [Case("noise", counted)]
-    inputs = inputs_of_cases(cases, constants, experiment.sources, experiment.mixing, rate, anywhere)
+    inputs = inputs_of_cases(cases, constants, experiment.sources, experiment.mixing, rate, ANYWHERE)
     covariance = np.asarray(inputs.wrench[0])
     if np.linalg.eigvalsh(covariance / np.maximum(np.diag(covariance).max(), 1e-300))[0] <= 1e-12:
         raise ExperimentError(
