@@ -45,7 +45,7 @@ class TopicMessages:
             raise RigError(f"its messages name different joints ({listed(sorted(map(str, self.joints)))})")
         for name in groups[0].columns:
             values = np.concatenate([group.columns[name] for group in groups])
-            self.chunks.setdefault(name, []).append(values[order])
+            self.chunks.setdefault(name, []).append(values if len(groups) == 1 else values[order])
 
     def arrays(self) -> dict[str, NDArray]:
         """Every column of the topic in the order of ``log_time``; the chunks are released one by one."""

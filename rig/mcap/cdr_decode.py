@@ -181,7 +181,9 @@ def _same(rows: NDArray, shape: Layout) -> NDArray[np.bool_]:
         texts.append(rows["encapsulation"][:, :2])
     same = np.ones(len(rows), bool)
     for values in texts:
-        same &= (values == values[0]).all(axis=1)
+        equal = values == values[0]
+        if not equal.all():  # mostly they are: rows are looked at only where they must be
+            same &= equal.all(axis=1)
     return same
 
 
