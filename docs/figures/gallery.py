@@ -17,8 +17,10 @@ def draw():
     """Every picture by the name of its file."""
     robot, short = (Experiment.load(DOCS / "experiments" / f"{name}.toml") for name in ("robot", "t1-10s"))
     yield "budget", budget(Experiment.load("barreto2016"), trials=300).figures()["budget"]
-    yield "robot-sources", montecarlo(robot).figures()["sources-wrist-smoothed"]
-    figures = paper().figures()
+    yield "robot-sources", montecarlo(robot).figures()["breakdown-wrist-smoothed"]
+    result = paper()
+    yield "breakdown", result.campaign.figures()["breakdown-T1-central"]
+    figures = result.figures()
     for name in ("figure3-groups-T1-central", "figure4-simple-motions", "figure5-trajectories-central"):
         yield name.split("-")[0], figures[name]
     with tempfile.TemporaryDirectory() as folder:

@@ -28,13 +28,13 @@ def test_unknown_names_elsewhere(result):
         result.interval("T9", "central")
     with pytest.raises(KeyError, match=r"^no 'gyro': choose one of 'total', 'load_cell', 'cg', 'imu', 'F_precision', "):
         result["T1", "central"].share("gyro")
-    with pytest.raises(KeyError, match=r"^no 'bars': choose one of 'groups-T1-central', "):
+    with pytest.raises(KeyError, match=r"^no 'bars': choose one of 'breakdown-T1-central', "):
         result.figures()["bars"]
 
 
 def test_completion_offers_keys_and_what_matters(result):
     assert result._ipython_key_completions_() == [("T1", "central"), ("T1", "smoothed")]
-    assert "groups-T1-central" in result.figures()._ipython_key_completions_()
+    assert "breakdown-T1-central" in result.figures()._ipython_key_completions_()
     assert {"figures", "tables", "to_frame", "to_xarray", "interval", "breakdowns"} <= set(dir(result))
     assert not {"section", "details", "overview", "notes", "file_name", "hidden"} & set(dir(result))
 

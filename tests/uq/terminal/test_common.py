@@ -18,4 +18,4 @@ def test_figures_of_a_command_follow_no_settings_of_the_working_folder(tmp_path)
         {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("plain", "folder")
     )
     assert folder == plain
-    assert figures["groups-T1-central.svg"] != plain["groups-T1-central.svg"]
+    assert figures["breakdown-T1-central.svg"] != plain["breakdown-T1-central.svg"]

@@ -3,7 +3,7 @@
 A dispersion never stands alone: the mean error has its own panel, on its own scale.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -42,18 +42,19 @@ LABELS = 8
 """Most characters of a column's labels; of more, only nought and the outermost are written."""
 
 
-def contributions(cases: Mapping[str, OfCase]) -> FigureBase:
+def contributions(cases: Mapping[str, OfCase], groups: Collection[str] = ()) -> FigureBase:
     """Draw what each case does to each component: the paper's figure 3, with the mean error in a second panel.
 
     Error bars are standard errors. A mean error that exceeds its own 3σ is written beside its marker when it belongs
     to the first case. The mean errors are on a symmetric logarithmic scale when one exceeds every 3σ. More than
-    ``BESIDE`` cases have a line each, the largest below the first.
+    ``BESIDE`` cases have a line each: below the first the groups, then the sources, the largest first.
 
     Args:
-        cases: statistics by name; a breakdown's ``groups``, or its ``sources``, or both.
+        cases: statistics by name: a breakdown's ``cases``, or its ``groups`` alone.
+        groups: names of the cases that are groups, where others are sources.
     """
     if len(cases) > BESIDE:
-        return _line_by_line(cases)
+        return _line_by_line(cases, groups)
     with matplotlib.rc_context(STYLE):
         figure = new_figure(PAGE if len(cases) > 4 else COLUMN, 3.6, layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
@@ -77,24 +78,28 @@ def contributions(cases: Mapping[str, OfCase]) -> FigureBase:
     return figure
 
 
-def _line_by_line(cases: Mapping[str, OfCase]) -> FigureBase:
-    """A column for each component, 3σ above and mean error below; a line for each case, the largest first."""
+def _line_by_line(cases: Mapping[str, OfCase], groups: Collection[str]) -> FigureBase:
+    """A column for each component, 3σ above and mean error below; a line for each group and the largest sources."""
     first, *others = cases
     size = {
         name: float(np.mean(np.nan_to_num(np.hypot(cases[name].three_sigma, 3 * cases[name].mean_error))))
         for name in others
     }
-    names = [first, *sorted(others, key=lambda name: -size[name])[:LINES]]
+    largest_first = sorted(others, key=lambda name: -size[name])
+    shown_groups = [name for name in largest_first if name in groups]
+    sources = [name for name in largest_first if name not in groups][:LINES]
+    names = [first, *shown_groups, *sources]
+    colours = [PALETTE[0], *[PALETTE[2]] * len(shown_groups), *[PALETTE[1]] * len(sources)]
     sigma, sigma_error, mean, mean_error = _in_gram_metre(cases[name] for name in names)
     highest = np.nanmax(sigma, initial=0)
     beyond = np.nanmax(np.abs(mean), initial=0) > highest
     y = np.arange(len(names))[:, None]
     with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 1.1 + 0.3 * len(names), layout="constrained")
+        figure = new_figure(PAGE, 1.2 + 0.24 * len(names), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharey=True)
         place = _columns(top, [sigma + sigma_error], (0.0, 0.05))
         for k, (start, end) in enumerate(zip(place(0 * sigma), place(sigma), strict=True)):
-            top.broken_barh(list(zip(start, end - start, strict=True)), (k - 0.35, 0.7), facecolor=PALETTE[min(k, 1)])
+            top.broken_barh(list(zip(start, end - start, strict=True)), (k - 0.35, 0.7), facecolor=colours[k])
         top.hlines(y + 0 * sigma, place(sigma - sigma_error), place(sigma + sigma_error), color="black", linewidth=0.8)
         for k, name in enumerate(COMPONENTS):
             top.text(k + WIDTH / 2, 1.05, name, ha="center", transform=top.get_xaxis_transform())
@@ -103,12 +108,11 @@ def _line_by_line(cases: Mapping[str, OfCase]) -> FigureBase:
         place = _columns(bottom, ends, (0.15, 0.15), decade if beyond else np.inf)
         bottom.vlines(place(0), 0, 1, color=RULE, linewidth=0.6, transform=bottom.get_xaxis_transform())
         bottom.hlines(y + 0 * mean, *map(place, ends), color="black", linewidth=0.8)
-        colours = np.repeat(PALETTE[:2], [len(COMPONENTS), mean[1:].size])
-        bottom.scatter(place(mean), y + 0 * mean, MARKER, colours, zorder=3)
+        bottom.scatter(place(mean), y + 0 * mean, MARKER, np.repeat(colours, len(COMPONENTS)), zorder=3)
         top.set_yticks(y[:, 0], [label(display_name(name)) for name in names])
         top.set_ylim(len(names) - 0.5, -0.5)
         top.set_xlabel("3σ [g·m²]")
-        bottom.set_xlabel("mean error [g·m²]")
+        bottom.set_xlabel("mean error [g·m²]" + (f", logarithmic beyond ±{decade:g}" if beyond else ""))
     return figure
 
 
@@ -185,6 +189,7 @@ def _finish_mean_error(axes: Axes, cases: Mapping[str, OfCase]) -> None:
     dispersions = np.array([s.three_sigma for s in cases.values()])
     if np.nanmax(means, initial=0) > np.nanmax(dispersions, initial=0):
         axes.set_yscale("symlog", linthresh=1, linscale=0.7)
+        axes.set_ylabel("mean error [g·m²]\nlogarithmic beyond ±1")
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
     axes.margins(y=0.15)
     _name_excess(axes, cases)

@@ -14,10 +14,10 @@ from uq.report.figures.style import display_name
 from uq.report.input_tables import source_tables
 from uq.report.tables.cases import (
     PAIR,
+    breakdown_drawings,
     breakdown_table,
     case_table,
     grams,
-    group_and_source_drawings,
     percent,
     rows_of,
     verdict_on_mean_errors,
@@ -57,8 +57,8 @@ def notes(result: MonteCarloResult) -> list[str]:
 
 
 def drawings(result: MonteCarloResult) -> list[Drawing]:
-    """Return two figures of each breakdown: first all by group, then all by source."""
-    return group_and_source_drawings({pair: result[pair] for pair in result.pairs()})
+    """Return a figure of each trajectory and estimator."""
+    return breakdown_drawings({pair: result[pair] for pair in result.pairs()})
 
 
 def section(result: MonteCarloResult) -> Section:

@@ -16,6 +16,8 @@ from uq.sensitivity.budget_shares import MeanSquare
 
 PAIR = ("trajectory", "estimator")
 """Heads of the columns that name a case of several trajectories and estimators."""
+ALONE = "Alone, a part may scatter more than all do together, since errors act on one another."
+"""Why a group's or source's 3σ may exceed the total's."""
 
 
 def case_table(
@@ -106,21 +108,22 @@ def breakdown_table(
     return case_table(caption, ("alone",), cases, unit=unit, last=("share %",), note=note)
 
 
-def group_and_source_drawings(breakdowns: Mapping[tuple[str, str], Breakdown], how: str = "") -> list[Drawing]:
-    """Return two figures of each trajectory and estimator: first all by group, then all by source.
+def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown], how: str = "") -> list[Drawing]:
+    """Return a figure of each trajectory and estimator: all errors together, each group and each source alone.
 
     Args:
         breakdowns: by trajectory and estimator.
         how: what their captions add, such as " by the law".
     """
 
-    def figure(kind: str, pair: tuple[str, str], cases: Mapping[str, OfCase]) -> Drawing:
-        most = f", the {LINES} largest of {len(cases) - 1}" if len(cases) - 1 > LINES else ""
-        what = f"3σ and mean error of each component{how}, all sources and each {kind} alone{most}."
-        return drawing(stem(f"{kind}s", *pair), f"{', '.join(pair)}: {what}", "campaign.contributions", cases)
+    def figure(pair: tuple[str, str], parts: Breakdown) -> Drawing:
+        many = len(parts.sources) > LINES
+        shown = f"the {LINES} largest of {len(parts.sources)} sources" if many else "each source"
+        what = f"3σ and mean error of each component{how}: all together, each group and {shown} alone. {ALONE}"
+        caption = f"{', '.join(pair)}: {what}"
+        return drawing(stem("breakdown", *pair), caption, "campaign.contributions", parts.cases, (*parts.groups,)[1:])
 
-    by_group = [figure("group", pair, b.groups) for pair, b in breakdowns.items()]
-    return [*by_group, *(figure("source", pair, {"total": b.total, **b.sources}) for pair, b in breakdowns.items())]
+    return [figure(pair, parts) for pair, parts in breakdowns.items()]
 
 
 def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:

@@ -8,7 +8,7 @@ from identify.text_tables import Table
 from uq.propagation.law_result import LawResult
 from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
-from uq.report.tables.cases import PAIR, case_table, group_and_source_drawings, rows_of, verdict_on_mean_errors
+from uq.report.tables.cases import PAIR, breakdown_drawings, case_table, rows_of, verdict_on_mean_errors
 
 
 def title(_: LawResult) -> str:
@@ -33,8 +33,8 @@ def notes(law: LawResult) -> list[str]:
 
 
 def drawings(law: LawResult) -> list[Drawing]:
-    """Return two figures of each breakdown, named as the Monte Carlo's, which shows the same."""
-    return group_and_source_drawings({pair: law[pair] for pair in law.pairs()}, " by the law")
+    """Return a figure of each breakdown, named as the Monte Carlo's, which shows the same."""
+    return breakdown_drawings({pair: law[pair] for pair in law.pairs()}, " by the law")
 
 
 def section(law: LawResult) -> Section:
