@@ -17,7 +17,7 @@ from uq.sensitivity.budget_shares import MeanSquare
 PAIR = ("trajectory", "estimator")
 """Heads of the columns that name a case of several trajectories and estimators."""
 ALONE = "Alone, a part may scatter more than all do together, since errors act on one another."
-"""Why a group's or source's 3σ may exceed the total's."""
+"""The reason why a group's or source's 3σ may exceed the total's."""
 
 
 def case_table(
