@@ -119,8 +119,8 @@ def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown], how: str
     def figure(pair: tuple[str, str], parts: Breakdown) -> Drawing:
         many = len(parts.sources) > LINES
         shown = f"the {LINES} largest of {len(parts.sources)} sources" if many else "each source"
-        what = f"3σ and mean error of each component{how}: all together, each group and {shown} alone. {ALONE}"
-        caption = f"{', '.join(pair)}: {what}"
+        parts_shown = f"all together, each group (orange) and {shown} (blue) alone"
+        caption = f"{', '.join(pair)}: 3σ and mean error of each component{how}, {parts_shown}. {ALONE}"
         return drawing(stem("breakdown", *pair), caption, "campaign.contributions", parts.cases, (*parts.groups,)[1:])
 
     return [figure(pair, parts) for pair, parts in breakdowns.items()]
