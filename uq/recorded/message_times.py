@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.signals.resample import GAP, JITTER_WARNING
+from identify.signals.run import RunError
 from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.record import device_clock
 
@@ -38,10 +39,19 @@ def instants(
     Args:
         channels: load cell and motion sensor.
         choice: ``header`` or ``log``, where declared.
+
+    Raises:
+        RunError: all times of a channel that would be taken are the same.
     """
     unset = [channel.topic for channel in channels if not channel.stamp.any()]
     wild = [channel.topic for channel in channels if channel.topic not in unset and not _increases(channel.stamp)]
-    if choice == "header" or (choice is None and not unset and not wild):
+    by_header = choice == "header" or (choice is None and not unset and not wild)
+    for channel in channels:
+        times = channel.stamp if by_header else channel.log_time
+        if len(times) > 1 and times.min() == times.max():
+            which = "stamps" if by_header else "log times"
+            raise RunError(f"all {which} of {channel.topic} are the same: record it with a clock that runs")
+    if by_header:
         return (channels[0].stamp, channels[1].stamp), ()
     notes = []
     if choice is None:

@@ -10,7 +10,7 @@ import rig
 from identify.signals.held_samples import held, repeats, saturated
 from identify.signals.run import Run, RunError
 from rig.bags import marks
-from rig.channels import ImuChannel
+from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap import cdr_encode
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
 from rig.mcap.writer import new_writer, register
@@ -306,3 +306,14 @@ def test_the_declared_clock_is_taken_whatever_it_says(short, tmp_path, marked):
     path = write(tmp_path / "wild.mcap", run, late=np.zeros(len(wild)))
     with pytest.raises(RunError, match=r"time of the wrench in wild\.mcap runs backwards at sample 4000"):
         identify_files([path], declare(short, time="header"))
+
+
+@pytest.mark.parametrize(("choice", "which"), [("header", "stamps"), ("log", "log times"), (None, "log times")])
+def test_a_clock_that_stands_still_is_refused(choice, which):
+    """Neither the headers' times nor, in their place, the log's; where one of the two runs, it is taken."""
+    runs, still, zero = 10 * np.arange(20), np.full(20, 7), np.zeros((20, 3))
+    wrench, stopped = (WrenchChannel("/wrench", "cell", times, times, zero, zero) for times in (runs, still))
+    with pytest.raises(RunError, match=f"^all {which} of /wrench are the same: record it with a clock that runs$"):
+        instants((stopped, stopped), choice)
+    halted = dataclasses.replace(wrench, **{"log_time" if choice == "header" else "stamp": still})
+    np.testing.assert_array_equal(instants((halted, halted), choice)[0][0], runs)
