@@ -6,6 +6,7 @@ of a mapping ``[...]`` and those of an array by number, where our messages name 
 """
 
 import math
+import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from types import UnionType
@@ -13,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
-from rig.exceptions import ECHO, listed, nearest, quoted
+from rig.exceptions import ECHO, listed, nearest, quoted, reason
 
 T = TypeVar("T", bound="TomlTable")
 LARGEST = 1_000_000
@@ -28,6 +29,26 @@ COUNTS = {2: "two", 3: "three"}
 
 class TomlError(ValueError):
     """A mistake in a TOML file, in one line: what, where, what to do."""
+
+
+def parse_toml(data: bytes) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises:
+        TomlError: it is no TOML in UTF-8, its tables or lists lie too deep, or a number has thousands of digits.
+    """
+    try:
+        document = tomllib.loads(data.decode())
+        repr(document)  # in hexadecimal a number may have more digits than Python writes into a message
+    except RecursionError:
+        raise TomlError("tables or lists lie too deep in one another") from None
+    except UnicodeDecodeError:
+        raise TomlError("not a text file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise TomlError(reason(error)) from None
+    except ValueError:  # Python's limit on digits
+        raise TomlError("a number has thousands of digits") from None
+    return document
 
 
 class WrongKeyError(ValueError):

@@ -1,7 +1,6 @@
 """The rig file: which devices hang on which ports, and what their readings mean."""
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from rig.devices.base import Device
 from rig.exceptions import RigError
 from rig.read_limits import require_file
 from rig.record.port import Address, on_network
-from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table
+from rig.toml_tables import TomlError, TomlTable, WrongKeyError, parse_toml, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -151,8 +150,8 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
     """
     require_file(path)
     try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, numbers of too many digits, lists in lists
+        document = parse_toml(Path(path).read_bytes())
+    except TomlError as error:
         raise RigError(f"not a TOML file {path} ({error}): see docs/how-to/rig.md for the format") from error
     try:
         tables = read_table("", document, RigFile).device

@@ -1,13 +1,13 @@
 """TOML files: their content, and the error that names the file and the key."""
 
 import hashlib
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rig.read_limits import require_file
+from rig.toml_tables import TomlError, parse_toml
 
 
 class ExperimentError(ValueError):
@@ -29,11 +29,9 @@ def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
     require_file(path)
     data = Path(path).read_bytes()
     try:
-        return tomllib.loads(data.decode()), hashlib.sha256(data).hexdigest()
-    except UnicodeDecodeError:
-        raise ExperimentError(f"not a text file {path}: give {what} in TOML") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ExperimentError(f"not TOML {path}: {error}") from None
+        return parse_toml(data), hashlib.sha256(data).hexdigest()
+    except TomlError as error:
+        raise ExperimentError(f"not TOML {path}: {error}: give {what} in TOML") from None
 
 
 @contextmanager

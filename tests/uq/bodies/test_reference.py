@@ -82,7 +82,7 @@ def test_bad_files(tmp_path):
     with pytest.raises(FileNotFoundError):
         load_reference(path)
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(ExperimentError, match=r"not a text file .*body.toml"):
+    with pytest.raises(ExperimentError, match=r"not TOML .*body.toml: not a text file"):
         load_reference(path)
     path.write_text("part = [")
     with pytest.raises(ExperimentError, match=r"not TOML .*body.toml"):

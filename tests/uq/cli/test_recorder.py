@@ -89,6 +89,7 @@ ADDRESSES = [
         (f"{XSENS}rotation_to_body = [[nan,0,0],[0,1,0],[0,0,1]]", "rotation_to_body[0][0] is nan"),
         (f"{XSENS}x = 0{'[' * 2000}", "not a TOML file"),
         (f"{XSENS}baudrate = {'9' * 5000}", "not a TOML file"),
+        (f"{XSENS}options = {{ rate = 0x{'f' * 5000} }}", "not a TOML file"),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:" + "9" * 5000 + "'", "udp:NUMBER"),
         *((f"{XSENS}baudrate = {value}", "baudrate is") for value in (0, -1, "nan", "inf", "1e400", 0.5)),
         *((f"{XSENS}options = {{ rate = {rate} }}", "'rate' of device kind 'xsens' is out of range") for rate in RATES),

@@ -157,6 +157,14 @@ def test_a_file_that_is_no_toml(tmp_path):
         Experiment.load(path)
 
 
+@pytest.mark.parametrize("value", ["[" * 2000, "9" * 5000, f"0x{'f' * 5000}"], ids=["deep", "decimal", "hexadecimal"])
+def test_a_file_whose_values_python_cannot_hold(tmp_path, value):
+    path = tmp_path / "e.toml"
+    path.write_text(f"[body]\nmass = {value}\n")
+    with pytest.raises(ExperimentError, match=r"^not TOML .*e\.toml: .*: give an experiment file in TOML$"):
+        Experiment.load(path)
+
+
 def test_a_simulation_needs_a_body_and_a_recording_does_not(document):
     del document["body"]["inertia"]
     experiment = Experiment.from_dict(document)
