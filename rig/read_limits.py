@@ -4,10 +4,12 @@ A few bytes can claim, or truly hold, gigabytes. A file may unpack to 64 MiB and
 of it so far, in pieces of at most 128 MiB. Every library that unpacks is told the limit before it starts.
 """
 
+import json
 import math
 import os
 import stat
 from dataclasses import dataclass
+from typing import Any
 
 from rig.exceptions import RigError
 
@@ -97,3 +99,15 @@ def require_file(path: PathLike) -> None:
     if not stat.S_ISREG(mode):
         kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket"}
         raise RigError(f"not a file {path} but {kinds.get(stat.S_IFMT(mode), 'a device')}: give a file")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return the content of JSON text.
+
+    Raises:
+        ValueError: it is no JSON, its lists or objects lie too deep, or a number has thousands of digits.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("lists or objects lie too deep in one another") from None

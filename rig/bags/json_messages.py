@@ -5,7 +5,6 @@ Such files are written by Foxglove's tools and bridges. A message of a known typ
 or, in Foxglove's own schemas, ``timestamp`` and ``frame_id`` beside the rest.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -17,6 +16,7 @@ from rig.exceptions import quoted
 from rig.mcap.cdr_decode import DecodedMessages
 from rig.mcap.message_fields import SHAPES, STAMPED, Field
 from rig.mcap.records import message_at
+from rig.read_limits import parse_json
 
 ENCODINGS = ("json", "protobuf")
 AXES = "xyzw"
@@ -50,8 +50,8 @@ def _together(frame: str, names: tuple[str, ...], rows: list[dict[str, Any]]) ->
 
 def _json(data: bytes) -> Mapping[str, Any]:
     try:
-        tree = json.loads(data)
-    except (ValueError, RecursionError):
+        tree = parse_json(data)
+    except ValueError:
         raise ValueError("a message is not JSON") from None
     if not isinstance(tree, dict):
         raise ValueError("a message is not a JSON object")

@@ -1,6 +1,5 @@
 """The topics of a recording as arrays: force, moment and motion; its metadata; its hash."""
 
-import json
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +17,7 @@ from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
 from rig.mcap.message_fields import IMU, WRENCH
 from rig.mcap.records import MESSAGE, Batch, Definitions
-from rig.read_limits import UnpackBudget
+from rig.read_limits import UnpackBudget, parse_json
 
 PathLike = str | os.PathLike[str]
 Topics = Mapping[str, str | None]
@@ -129,8 +128,8 @@ class Contents:
     def named_values(self) -> list[str]:
         """Topics whose joint states are named values, as a recording of ours says."""
         try:
-            names = json.loads(self.metadata.get("rig.run", {}).get("values_topics", "[]"))
-        except (ValueError, RecursionError):
+            names = parse_json(self.metadata.get("rig.run", {}).get("values_topics", "[]"))
+        except ValueError:
             return []
         return names if isinstance(names, list) else []
 

@@ -1,6 +1,5 @@
 """The result of static poses as the prior of a recorded run: ``inertia identify --centre``."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from identify.exceptions import RunError
 from identify.rounding import common, significant
 from identify.static.centre_result import Centre
-from rig.read_limits import require_file
+from rig.read_limits import parse_json, require_file
 from uq.experiment.experiment import Experiment
 from uq.files.provenance import sha256
 from uq.sources.source import Source
@@ -31,8 +30,8 @@ def load_centre(path: str | Path) -> Centre:
     require_file(path)
     name = Path(path).name
     try:
-        content = json.loads(Path(path).read_text("utf-8"))
-    except (ValueError, RecursionError):
+        content = parse_json(Path(path).read_text("utf-8"))
+    except ValueError:
         raise RunError(f"{name} is not JSON: give the centre.json that `inertia centre` wrote") from None
     return Centre.from_dict(content, name)
 

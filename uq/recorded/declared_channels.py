@@ -3,7 +3,6 @@
 What both say must agree; what one says is used; what neither says is an assumption of the result.
 """
 
-import json
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
+from rig.read_limits import parse_json
 from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.units import UnitError, scale
 
@@ -138,7 +138,7 @@ class _Metadata:
 
 def _json(text: str | None) -> dict[str, Any]:
     try:
-        content = json.loads(text or "{}")
+        content = parse_json(text or "{}")
     except ValueError:
         return {}
     return content if isinstance(content, dict) else {}

@@ -2,13 +2,13 @@
 
 import argparse
 import contextlib
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rig.read_limits import parse_json
 from uq.experiment.experiment import Experiment
 from uq.propagation.beyond_the_law import BeyondLawError
 
@@ -37,9 +37,11 @@ def shares_named(experiment: Experiment, folder: Path | None) -> Iterator[None]:
 def _shares(experiment: Experiment, folder: Path | None) -> dict[str, float]:
     """Return each source's share of the 3σ by itself, averaged over components; the largest of all estimators."""
     shares: dict[str, float] = {}
+    if folder is None:
+        return shares
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # no result, or another's
-        content = json.loads((folder or Path()).joinpath("result.json").read_text("utf-8"))
-        if folder is None or content["provenance"]["experiment_file"]["sha256"] != experiment.file["sha256"]:
+        content = parse_json((folder / "result.json").read_text("utf-8"))
+        if content["provenance"]["experiment_file"]["sha256"] != experiment.file["sha256"]:
             return {}
         for breakdowns in content["trajectories"].values():
             for breakdown in breakdowns.values():

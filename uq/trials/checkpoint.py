@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from rig.atomic_files import replacing
+from rig.read_limits import parse_json
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
 from uq.trials.engine import TrialEstimates
@@ -157,7 +158,7 @@ class Checkpoint:
 
     def _compare(self, head: Path, identity: dict[str, Any], expected: str) -> None:
         try:
-            content = json.loads(head.read_text("utf-8"))
+            content = parse_json(head.read_text("utf-8"))
             version, digest, stored = content["format"], content["digest"], content["campaign"]
         except (ValueError, KeyError, TypeError):
             raise ExperimentError(f"{head} is cut or edited: {_delete(self.folder)}") from None
@@ -176,7 +177,7 @@ class Checkpoint:
     def _read(self, path: Path) -> tuple[dict[str, Any], TrialEstimates]:
         line, _, payload = path.read_bytes().partition(b"\n")
         try:
-            header = json.loads(line)
+            header = parse_json(line)
             intact = header.pop("sha256") == _checksum(header, payload)
         except (ValueError, KeyError, AttributeError, TypeError):
             intact = False

@@ -144,6 +144,7 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, ha
     ("change", "words"),
     [
         (lambda text: text[: len(text) // 2], "cut or edited"),
+        (lambda text: "[" * 100_000, "cut or edited"),
         (lambda text: text.replace('"seed": 0', '"seed": 1'), "is edited"),
         (lambda text: text.replace('"format": 2', '"format": 9'), "has the format 9, not 2"),
         (lambda text: None, "no campaign.json"),
