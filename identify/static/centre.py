@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
 from identify.rounding import fixed, significant
+from identify.signals.run import refuse_excess
 from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
 from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, fit, predicted_fit
@@ -150,6 +151,7 @@ def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
         if not np.isfinite(values).all():
             bad = int(np.argmax(~np.isfinite(values).all(axis=1)))
             raise RunError(f"{what} of {name} is not finite at pose {bad + 1}: correct or remove it")
+        refuse_excess(what, values, name)
     if len(f) < 3:
         raise RunError(f"{len(f)} poses in {name}: give three or more, tilted about two axes")
     spread = np.linalg.svd(f - f.mean(axis=0), compute_uv=False) / (np.linalg.norm(f, axis=1).mean() * np.sqrt(len(f)))

@@ -215,6 +215,9 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
     if len(free) != n or not all(isinstance(value, (int, float)) and value > 0 for value in free):
         raise RunError(f"degrees_of_freedom of {content.name} are missing: run `inertia centre` again")
     lasting = None if content.content.get("lasting") is None else content.array("lasting", shape=(n, -1))
+    names = content.texts("lasting_names")
+    if names and len(names) != (0 if lasting is None else lasting.shape[1]):
+        raise RunError(f"lasting and lasting_names of {content.name} differ in number: run `inertia centre` again")
     return cls(
         mass=mass,
         r_cg=content.array("cg", "value", shape=(3,)),
@@ -228,7 +231,7 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         assumptions=content.texts("assumptions"),
         provenance=dict(provenance),
         lasting=lasting,
-        lasting_names=content.texts("lasting_names"),
+        lasting_names=names,
     )
 
 

@@ -178,7 +178,10 @@ def _check_rates(channels: _Channels, band: float | None) -> None:
     topics = (channels.bag.wrench.topic, channels.bag.imu.topic)
     if min(len(channels.t_wrench), len(channels.t_imu)) < 10:
         return
-    rates = [1 / interval(t) for t in (channels.t_wrench, channels.t_imu)]
+    intervals = [interval(t) for t in (channels.t_wrench, channels.t_imu)]
+    if min(intervals) <= 0:  # the run says where its time stands still or runs backwards
+        return
+    rates = [1 / step for step in intervals]
     slow, fast = int(np.argmin(rates)), int(np.argmax(rates))
     if not rates[fast] > UNEQUAL * rates[slow] or not np.isfinite(channels.wrench).all():
         return

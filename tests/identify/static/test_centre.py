@@ -64,6 +64,7 @@ def test_flat_poses_do_not_tell_an_accelerometers_offset(generator):
         (lambda F, M, f: (F, M, np.tile(f[:1], (6, 1))), "too much alike"),
         (lambda F, M, f: (F, M[:4], f), r"moment of the poses has shape \(4, 3\)"),
         (lambda F, M, f: (np.where(F[4, 1] == F, np.nan, F), M, f), "force of the poses is not finite at pose 5"),
+        (lambda F, M, f: (np.where(F[4, 1] == F, 1e200, F), M, f), r"force in the poses is 1\.0e\+200 .*remove such"),
     ],
 )
 def test_poses_that_cannot_be_used(generator, change, words):

@@ -143,6 +143,8 @@ def test_the_pose_that_creeps_is_named_and_a_drift_in_all_is_said(generator):
         (lambda c: c | {"cg": None}, "cg.value of centre.json is missing or not finite"),
         (lambda c: c | {"degrees_of_freedom": [-1] * 10}, "degrees_of_freedom of centre.json"),
         (lambda c: c | {"degrees_of_freedom": 3}, "degrees_of_freedom of centre.json"),
+        (lambda c: c | {"lasting": None, "lasting_names": ["x"]}, "lasting and lasting_names of .* differ in number"),
+        (lambda c: c | {"lasting_names": ["x"]}, "lasting and lasting_names of .* differ in number"),
         (lambda c: {k: v for k, v in c.items() if k != "offsets"}, "offsets.force.value of centre.json is missing"),
     ],
 )

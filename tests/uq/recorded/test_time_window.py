@@ -308,6 +308,14 @@ def test_the_declared_clock_is_taken_whatever_it_says(short, tmp_path, marked):
         identify_files([path], declare(short, time="header"))
 
 
+def test_a_clock_that_mostly_stands_still_is_refused(short, tmp_path, marked):
+    """Half of its intervals are zero, so that it has no rate."""
+    signals = marked[1]
+    path = write(tmp_path / "halts.mcap", dataclasses.replace(signals, t=np.where(signals.t > signals.t[-9], 1.0, 0.0)))
+    with pytest.raises(RunError, match=r"time of the wrench in halts\.mcap stands still at sample 1 "):
+        identify_files([path], declare(short))
+
+
 @pytest.mark.parametrize(("choice", "which"), [("header", "stamps"), ("log", "log times"), (None, "log times")])
 def test_a_clock_that_stands_still_is_refused(choice, which):
     """Neither the headers' times nor, in their place, the log's; where one of the two runs, it is taken."""
