@@ -22,6 +22,7 @@ from uq.propagation.beyond_the_law import BeyondLawError, Peaks
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_validation import rejected, validate_law
+from uq.report.figures.campaign import contributions
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT
 
@@ -71,6 +72,10 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(brief, prepared):
     (marks,) = (c for c in figures["breakdown-T1-central"].axes[1].collections if isinstance(c, PathCollection))
     places = marks.get_offsets()[: len(COMPONENTS), 0] - np.arange(len(COMPONENTS))  # the first line is the total's
     np.testing.assert_array_equal(np.argsort(places), np.argsort(total.mean_error))
+    bars, points = contributions(predicted["T1", "central"].groups).axes
+    assert bars.patches[0].get_height() == pytest.approx(1e3 * total.three_sigma[0])
+    (marks,) = (c for c in points.collections if isinstance(c, PathCollection))
+    assert marks.get_offsets()[0, 1] == pytest.approx(1e3 * total.mean_error[0])
     assert next(iter(figures)) == "breakdown-T1-central"
     quiet = tuple(
         eqx.tree_at(lambda s: s.sigma, s, 0.1 * s.sigma) if s.name == "omega_precision" else s for s in brief.sources

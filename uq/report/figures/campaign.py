@@ -1,4 +1,4 @@
-"""The figure of a campaign's breakdown: 3σ and mean error of each component, by group or by source.
+"""The figure of a campaign's breakdown: 3σ and mean error of each component, by group and by source.
 
 A dispersion never stands alone: the mean error has its own panel, on its own scale.
 """
