@@ -213,15 +213,9 @@ class Result(Shown):
         return {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare}  # type: ignore[arg-type]
 
     def to_frame(self) -> "DataFrame":
-        """Return :meth:`records` as a pandas DataFrame, the leading texts as its index.
+        """Return :meth:`records` as a pandas DataFrame, the leading texts as its index."""
+        from pandas import DataFrame
 
-        Raises:
-            ModuleNotFoundError: pandas is not installed.
-        """
-        try:
-            from pandas import DataFrame
-        except ImportError:
-            raise ModuleNotFoundError("pandas is missing for to_frame(): pip install pandas") from None
         records = self.records()
         first = records[0] if records else {}
         index = [name for name, _ in takewhile(lambda item: isinstance(item[1], str), first.items())]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
-from rig.channels import ImuChannel, Recording, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.message_fields import MOTIONS, WRENCHES
@@ -26,8 +26,8 @@ from rig.mcap.writer import Compression, new_writer, register
 __all__ = ["Contents", "load", "read", "read_any", "write"]
 
 PathLike = str | os.PathLike[str]
+WrittenChannel = WrenchChannel | ImuChannel | MotionChannel
 BLOCK = 4096  # rows that are Python numbers at a time while writing
-TYPES = {WrenchChannel: message_definitions.WRENCH, ImuChannel: message_definitions.IMU}
 
 
 def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -> Recording:
@@ -82,7 +82,7 @@ def write(
     path: PathLike,
     *,
     wrench: WrenchChannel | None = None,
-    imu: ImuChannel | None = None,
+    imu: ImuChannel | MotionChannel | None = None,
     metadata: dict[str, dict[str, str]] | None = None,
     compression: Compression = "zstd",
     overwrite: bool = False,
@@ -92,7 +92,7 @@ def write(
     Args:
         path: where to write.
         wrench: a wrench topic [N, N·m], or None. In our runs force and moment ON THE BODY at Q, body frame.
-        imu: an IMU topic [rad/s, m/s²], or None.
+        imu: an IMU topic [rad/s, m/s²], or one of poses or joint states, or None.
         metadata: metadata records by name.
         compression: of the chunks.
         overwrite: replace an existing file.
@@ -108,29 +108,36 @@ def write(
         writer = new_writer(stream, compression=compression)
         for name, record in (metadata or {}).items():
             writer.add_metadata(name, seal(name, record))
-        ids = [register(writer, TYPES[type(channel)], channel.topic) for channel in channels]
+        ids = [register(writer, _type(channel), channel.topic) for channel in channels]
         streams = [_messages(channel, number) for channel, number in zip(channels, ids, strict=True)]
         for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):
             writer.add_message(number, log_time, data, stamp, sequence)
         writer.finish()
 
 
-def _columns(channel: WrenchChannel | ImuChannel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _type(channel: WrittenChannel) -> str:
+    if isinstance(channel, MotionChannel):
+        return channel.type
+    return message_definitions.WRENCH if isinstance(channel, WrenchChannel) else message_definitions.IMU
+
+
+def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
+    if isinstance(channel, MotionChannel):
+        return tuple(values for values in (channel.orientation, channel.position) if values is not None)
     if isinstance(channel, WrenchChannel):
         return channel.force, channel.moment
     return channel.angular_velocity, channel.linear_acceleration
 
 
-def _check_lengths(channel: WrenchChannel | ImuChannel) -> None:
-    n = len(channel.log_time)
-    first, second = _columns(channel)
-    if first.shape != (n, 3) or second.shape != (n, 3) or channel.stamp.shape != (n,):
+def _check_lengths(channel: WrittenChannel) -> None:
+    n, wide = len(channel.log_time), None if isinstance(channel, MotionChannel) else 3
+    if channel.stamp.shape != (n,) or any(x.shape != (n, wide or x.shape[-1]) for x in _columns(channel)):
         raise RigError(f"arrays of topic {channel.topic} differ in length: give n times, n stamps and (n, 3) values")
 
 
-def _messages(channel: WrenchChannel | ImuChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
+def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    encode = cdr_encode.encoder(TYPES[type(channel)], channel.frame_id)
+    encode = cdr_encode.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()))
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

@@ -25,6 +25,18 @@ FRAME = 2**12
 """Bytes that a zstd frame counts for, however little it holds."""
 LONGEST_METADATA = 2**24
 """Bytes of a metadata.yaml; a file of a run takes some hundred."""
+TABLES = {
+    **dict.fromkeys(
+        (".csv", ".tsv", ".txt", ".lvm", ".dat"), "a table: `inertia import {} -o RUN.mcap` proposes a map of it"
+    ),
+    **dict.fromkeys(
+        (".xlsx", ".xls", ".ods"), "a workbook: save its sheet as CSV, then `inertia import SHEET.csv -o RUN.mcap`"
+    ),
+    **dict.fromkeys(
+        (".npz", ".npy", ".mat"), "arrays: write them as columns of a CSV, then `inertia import FILE.csv -o RUN.mcap`"
+    ),
+}
+"""Files of numbers by the end of their names: their kind, and the command that helps."""
 OTHERS = {
     b"\x89HDF": ("HDF5", "export its channels as a table and use `inertia import`"),
     b"MATLAB": ("MATLAB", "export its channels as a table and use `inertia import`"),
@@ -127,6 +139,8 @@ def container_file(path: PathLike, budget: UnpackBudget | None = None) -> Contai
         from rig.bags.ros1_bag import Ros1File
 
         return Ros1File(path, budget)
+    if not start.startswith(MAGIC) and (what := TABLES.get(Path(path).suffix.lower())):
+        raise RigError(f"not a recording {budget.name} but {what.format(budget.name)}")
     for first, (kind, cure) in OTHERS.items():
         if start.startswith(first) and not start.startswith(MAGIC):
             raise RigError(f"not an MCAP file {budget.name} but {kind}: {cure}")

@@ -1,19 +1,24 @@
 """CDR, the encoding of ROS 2 messages: from the values that our runs carry to bytes.
 
-:mod:`rig.mcap.cdr_decode` explains and reads it. WrenchStamped and Imu, a thousand a second, by one packed structure;
-the others (raw bytes, named values, marks, device status) field by field.
+:mod:`rig.mcap.cdr_decode` explains and reads it. WrenchStamped, Imu and PoseStamped, a thousand a second, by one packed
+structure; the others (raw bytes, named values, marks, device status) field by field.
 """
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
 
-from rig.mcap.message_definitions import IMU, WRENCH
+from rig.mcap.message_definitions import IMU, POSE, WRENCH
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
-NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {WRENCH: ("6d", ()), IMU: ("24x2d64x3d72x3d72x", (1.0, -1.0))}
+NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {
+    WRENCH: ("6d", ()),
+    IMU: ("24x2d64x3d72x3d72x", (1.0, -1.0)),
+    POSE: ("24x4d", ()),
+}
 """Numbers behind the header: their places, where ``x`` is a byte of zero, and those before a sample's.
 
-Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``) and of unknown covariances (zeros).
+PoseStamped is at the origin. Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``) and of unknown
+covariances (zeros).
 """
 Encode = Callable[[int, Sequence[float]], bytes]
 """Function from a stamp [ns] and the numbers of a sample to a message."""
@@ -23,7 +28,8 @@ def encoder(type_name: str, frame_id: str, names: Sequence[str] = ()) -> Encode:
     """Return what packs the messages of a type in one frame.
 
     Args:
-        type_name: WrenchStamped or Imu, of six numbers; JointState, of positions and, if there are more, velocities.
+        type_name: WrenchStamped or Imu, of six numbers; PoseStamped, of a quaternion x y z w; JointState, of
+            positions and, if there are more, velocities.
         frame_id: the frame that the messages name.
         names: of the joints or values.
     """

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 IMU = "sensor_msgs/msg/Imu"
+POSE = "geometry_msgs/msg/PoseStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 VALUES = "sensor_msgs/msg/JointState"
 BYTES = "std_msgs/msg/UInt8MultiArray"
@@ -19,6 +20,7 @@ float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance
 """,
+    POSE: "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
     DIAGNOSTICS: "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
     VALUES: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
     BYTES: "std_msgs/MultiArrayLayout layout\nuint8[] data\n",
@@ -26,6 +28,8 @@ float64[9] linear_acceleration_covariance
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
     "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
     "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
     "diagnostic_msgs/DiagnosticStatus": (
@@ -49,12 +53,12 @@ def _types_in(name: str) -> Iterator[str]:
 
 DEFINITIONS = {
     name: _TEXTS[name] + "".join(f"{'=' * 80}\nMSG: {kind}\n{_TEXTS[kind]}" for kind in dict.fromkeys(_types_in(name)))
-    for name in (WRENCH, IMU, DIAGNOSTICS, VALUES, BYTES, TEXT)
+    for name in (WRENCH, IMU, POSE, DIAGNOSTICS, VALUES, BYTES, TEXT)
 }
 """The definition of each message that our runs carry, with those of all types in it."""
 
 
-FOXGLOVE = {"foxglove/msg/PoseInFrame": "geometry_msgs/msg/PoseStamped"}
+FOXGLOVE = {"foxglove/msg/PoseInFrame": POSE}
 """Types of Foxglove's own that have the fields of a ROS type, and their order."""
 
 

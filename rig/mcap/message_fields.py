@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rig.mcap.message_definitions import IMU, VALUES, WRENCH
+from rig.mcap.message_definitions import IMU, POSE, VALUES, WRENCH
 
 BARE_WRENCH = "geometry_msgs/msg/Wrench"
 TWIST = "geometry_msgs/msg/TwistStamped"
-POSE = "geometry_msgs/msg/PoseStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 JOINTS = VALUES
 

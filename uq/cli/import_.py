@@ -1,25 +1,35 @@
-"""``inertia import``: named columns of a table to a run of ours."""
+"""``inertia import``: named columns of a table to a run of ours; without a map, a map of them is proposed."""
 
 import argparse
+from pathlib import Path
 
 from identify.signals.run import RunError
 from rig.exceptions import RigError
 from uq.files.document import ExperimentError
-from uq.recorded.import_table import Map, import_table
+from uq.recorded.import_table import import_table
+from uq.recorded.proposed_map import propose
+from uq.recorded.table_map import Map
 
 ERRORS = (ExperimentError, RunError, RigError)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("table", metavar="TABLE.csv", help="a table as text, one row a sample")
-    parser.add_argument("--map", required=True, metavar="MAP.toml", help="the table's columns: units, signs, frames")
+    parser.add_argument(
+        "tables", metavar="TABLE", nargs="+", help="a table as text, one row a sample; or two, joined by their times"
+    )
+    parser.add_argument(
+        "--map", metavar="MAP.toml", help="the columns: units, signs, frames; without it one is proposed, to be checked"
+    )
     parser.add_argument(
         "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    print(import_table(arguments.table, Map.load(arguments.map), arguments.output))
+    """Run the command; status 1: a map is proposed, and no run was written."""
+    if arguments.map is None:
+        print(propose(arguments.tables, Path(arguments.output)))
+        return 1
+    print(import_table(arguments.tables, Map.load(arguments.map), arguments.output))
     return 0

@@ -41,7 +41,7 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
-    from uq.recorded.import_table import Map
+    from uq.recorded.table_map import Map
     from uq.sources.source import KINDS
     from uq.sources.source_keys import DrawTable, SourceTable, source_table
 

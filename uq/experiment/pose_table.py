@@ -9,22 +9,13 @@ from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate
 from identify.static.pose_fit import Attitudes
-from rig.toml_tables import TomlTable, WrongKeyError
-from uq.files.csv_columns import ColumnsTable
+from rig.toml_tables import WrongKeyError
+from uq.files.csv_columns import ColumnsTable, QuaternionColumns
 from uq.files.document import ExperimentError
 from uq.files.schema import Axes, in_unit
 from uq.sources.correlations import root_of
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
-
-
-class QuaternionColumns(TomlTable, frozen=True, kw_only=True):
-    """The columns of a unit quaternion's components."""
-
-    w: str
-    x: str
-    y: str
-    z: str
 
 
 class Poses(ColumnsTable, frozen=True, kw_only=True):

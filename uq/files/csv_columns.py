@@ -3,19 +3,21 @@
 ``inertia import`` and ``inertia centre`` declare columns in the same way; docs/how-to/tables.md explains it.
 """
 
-import csv
-from array import array
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
 from identify.signals.run import RunError
-from rig.exceptions import listed, quoted
-from rig.read_limits import require_file
+from rig.exceptions import listed, quoted, reason
 from rig.toml_tables import TomlTable, WrongKeyError
+from uq.files.table_layout import MISSING, TableLayout, layout
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,19 @@ class CsvColumns:
 
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Columns of each signal, such as ``{"force": ("Fx", "Fy", "Fz")}``."""
-    delimiter: str = ","
-    """Character between cells."""
-    decimal: str = "."
-    """Decimal sign of the numbers."""
+    delimiter: str | None = None
+    """Character between cells; None: the file tells it."""
+    decimal: str | None = None
+    """Decimal mark of the numbers; None: the file tells it."""
+
+
+class QuaternionColumns(TomlTable, frozen=True, kw_only=True):
+    """The columns of a unit quaternion's components."""
+
+    w: str
+    x: str
+    y: str
+    z: str
 
 
 class ColumnsTable(TomlTable, frozen=True, kw_only=True):
@@ -35,10 +46,10 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
 
     SIGNALS: ClassVar[tuple[str, ...]]
     """Keys that hold names of columns: a name, several, or a table of names."""
-    delimiter: str = ","
-    """Character between cells."""
-    decimal: Literal[".", ","] = "."
-    """Decimal sign of the numbers."""
+    delimiter: str | None = None
+    """Character between cells; missing: the file tells it."""
+    decimal: Literal[".", ","] | None = None
+    """Decimal mark of the numbers; missing: the file tells it."""
 
     def __post_init__(self) -> None:
         """Refuse a delimiter that cannot be, and a column that is named twice."""
@@ -46,10 +57,9 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
         for name in names:
             if names.count(name) > 1:
                 raise WrongKeyError("", f"names column {quoted(name)} twice: name each column once")
-        if len(self.delimiter) != 1 or self.delimiter in '"\r\n' or self.delimiter == self.decimal:
-            raise WrongKeyError(
-                "delimiter", "write one character other than the decimal mark", f"is {quoted(self.delimiter)}"
-            )
+        mark = self.delimiter
+        if mark is not None and (len(mark) != 1 or mark in '"\r\n' or mark == self.decimal):
+            raise WrongKeyError("delimiter", "write one character other than the decimal mark", f"is {quoted(mark)}")
 
     @property
     def columns(self) -> CsvColumns:
@@ -59,70 +69,97 @@ class ColumnsTable(TomlTable, frozen=True, kw_only=True):
         return CsvColumns(names, self.delimiter, self.decimal)
 
 
-def _names(value: str | tuple[str, ...] | TomlTable) -> tuple[str, ...]:
+def _names(value: str | tuple[str, ...] | TomlTable | Mapping[str, str]) -> tuple[str, ...]:
     if isinstance(value, TomlTable):
         return tuple(value.to_dict().values())
+    if isinstance(value, Mapping):
+        return tuple(value.values())
     return (value,) if isinstance(value, str) else value
 
 
-def read_columns(path: str | Path, columns: CsvColumns) -> dict[str, np.ndarray]:
-    """Read the declared columns of a text file whose first line names its columns.
+@dataclass(frozen=True)
+class CsvTable:
+    """Columns of a table as they stand in its file."""
 
-    Returns:
-        The numbers of each signal, as they stand in the file, shape (n, number of columns).
+    name: str
+    """Name of the file."""
+    layout: TableLayout
+    places: dict[str, list[int]]
+    """Places of the columns of each signal."""
+    frame: "pd.DataFrame"
+    """The columns by their places."""
+
+    def numbers(self, signal: str, *, complete: bool = False) -> np.ndarray:
+        """Return the numbers of a signal, shape (n, number of columns); of an empty cell or NaN: NaN.
+
+        Args:
+            signal: its key.
+            complete: refuse a cell without a number.
+
+        Raises:
+            RunError: a cell is no number, is infinite, or is empty where ``complete``.
+        """
+        import pandas as pd
+
+        columns = []
+        for place in self.places[signal]:
+            cells = self.frame[place]
+            values = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
+            bad = np.isinf(values) | np.isnan(values) & np.asarray(cells.notna() | complete)
+            if bad.any():
+                at = int(np.argmax(bad))
+                cell = quoted(str(cells.iloc[at]).strip()) if pd.notna(cells.iloc[at]) else "empty or NaN"
+                column, row = quoted(self.layout.written[place]), self.layout.first + at
+                raise RunError(f"column {column} in {self.name} is {cell} at row {row}: write a finite number")
+            columns.append(values)
+        return np.stack(columns, axis=1)
+
+
+def read_columns(path: str | Path, columns: CsvColumns) -> CsvTable:
+    """Read the declared columns of a table in a text file.
 
     Raises:
-        RunError: not text, empty, a column missing or twice in the head, a row of another length than the head, a
-            cell that is not a finite number.
+        RunError: not text, no rows of numbers, a column missing or twice in the head, a row longer than the others.
         RigError: it is a folder, a FIFO or a device.
         OSError: the file cannot be read.
     """
-    require_file(path)
-    named = Path(path).name
+    shape, named = layout(path, columns.delimiter, columns.decimal), Path(path).name
+    places = {key: [_place(named, shape, name) for name in names] for key, names in columns.names.items()}
+    return CsvTable(named, shape, places, read_rows(path, shape))
+
+
+def read_rows(path: str | Path, shape: TableLayout) -> "pd.DataFrame":
+    """Read all rows of a table in a text file, the columns by their places.
+
+    Raises:
+        RunError: a row is longer than the others.
+        OSError: the file cannot be read.
+    """
+    import pandas as pd
+
+    # A logger that stops may leave half a character of two bytes at the end.
+    errors: Literal["ignore", "replace"] = "ignore" if shape.encoding == "utf-16" else "replace"
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            return _read(named, csv.reader(file, delimiter=columns.delimiter, strict=True), columns)
-    except UnicodeDecodeError:
-        raise RunError(f"not a text file {path}: give a table as text (CSV) in UTF-8") from None
-    except csv.Error as error:
-        raise RunError(f"no table in {path} ({error}): give a table as text (CSV)") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # a first row that is longer is cut otherwise
+            return pd.read_csv(
+                path, sep=r"\s+" if shape.delimiter == " " else shape.delimiter, decimal=shape.decimal, header=None,
+                names=range(len(shape.names)), index_col=False, skiprows=shape.first - 1, skipinitialspace=True,
+                encoding=shape.encoding, encoding_errors=errors, keep_default_na=False, low_memory=False,
+                na_values=sorted({word for text in MISSING for word in (text, text.upper(), text.title())} | {"NaN"}),
+            )  # fmt: skip
+    except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+        why = reason(str(error).removeprefix("Error tokenizing data. C error: "))
+        raise RunError(f"a row of {Path(path).name} has more cells than others ({why}): correct the table") from None
 
 
-def _read(named: str, lines: Iterator[list[str]], columns: CsvColumns) -> dict[str, np.ndarray]:
-    head = [cell.strip() for cell in next(lines, [])]
-    if not any(head):
-        raise RunError(f"no head in {named}: its first line must name the columns")
-    places = {name: _place(named, head, name) for group in columns.names.values() for name in group}
-    values = {name: array("d") for name in places}
-    number = 1
-    for number, row in enumerate(lines, start=2):
-        if not row:
-            continue
-        if len(row) != len(head):
-            raise RunError(f"row {number} of {named} has {len(row)} cells, its head {len(head)}: correct the table")
-        for name, place in places.items():
-            values[name].append(_number(named, name, number, row[place], columns.decimal))
-    if not all(values.values()):
-        raise RunError(f"no rows in {named}: give a head and one row a sample")
-    return {key: np.stack([np.frombuffer(values[n]) for n in group], axis=1) for key, group in columns.names.items()}
-
-
-def _place(named: str, head: list[str], name: str) -> int:
-    count = head.count(name.strip())
-    if count == 0:
-        raise RunError(f"no column {quoted(name)} in {named}: it has {listed(head)}")
-    if count > 1:
-        raise RunError(f"{count} columns {quoted(name)} in {named}: give each its own name")
-    return head.index(name.strip())
-
-
-def _number(named: str, name: str, row: int, cell: str, decimal: str) -> float:
-    try:
-        value = float(cell.replace(decimal, ".") if decimal != "." else cell)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf") or "_" in cell:
-        raise RunError(
-            f"column {quoted(name)} in {named} is {quoted(cell.strip())} at row {row}: write a finite number"
-        )
-    return value
+def _place(named: str, shape: TableLayout, name: str) -> int:
+    places = shape.places.get(name.strip(), [])
+    if not places:
+        held = f"it has {listed(shape.written)}"
+        if not shape.named:
+            held = f"it names none: write their numbers, 1 to {len(shape.names)}"
+        raise RunError(f"no column {quoted(name)} in {named}: {held}")
+    if len(places) > 1:
+        raise RunError(f"{len(places)} columns {quoted(name)} in {named}: give each its own name")
+    return places[0]

@@ -27,7 +27,7 @@ def _table(content: Mapping[str, Any], above: tuple[str, ...]) -> Iterator[str]:
     inside = {key: value for key, value in content.items() if isinstance(value, Mapping) or _tables(value)}
     for key, value in content.items():
         if key not in inside:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{_key(key)} = {toml_value(value)}"
     for key, value in inside.items():
         here = (*above, key)
         name = ".".join(map(_key, here))
@@ -44,11 +44,16 @@ def _tables(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(item, Mapping) for item in value)
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """Return a value as it stands behind its key, a table in braces.
+
+    Raises:
+        ValueError: TOML does not hold it.
+    """
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {toml_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(toml_value, value))}]"
     if isinstance(value, str):
         return _text(value)
     if isinstance(value, bool):

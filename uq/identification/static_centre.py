@@ -23,7 +23,7 @@ from uq.files.provenance import provenance
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
-from uq.recorded.table_recording import as_recording, silenced
+from uq.recorded.table_samples import as_recording, silenced
 from uq.recorded.time_window import TimeWindow, resolve
 
 TABLES = (".csv", ".tsv", ".txt")
@@ -115,10 +115,12 @@ def _aligned(poses: Poses | None) -> tuple[str, ...]:
 def _table_wrenches(path: str | Path, experiment: Experiment) -> _Wrenches:
     poses, name = need_table(experiment.poses, path), Path(path).name
     table = read_columns(path, poses.columns)
-    attitude = table[str(poses.attitude)]
+    attitude, force, moment = (
+        table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
+    )
     tilted = attitude if poses.attitude == "acceleration" else np.zeros((len(attitude), 3))
     used = {"acceleration"} if poses.attitude == "acceleration" else set()
-    bag = as_recording(path, table["force"], table["moment"], np.zeros_like(tilted), tilted)
+    bag = as_recording(path, force, moment, np.zeros_like(tilted), tilted)
     rig = declared(bag, silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
     force, moment = rig.wrench(bag.wrench)
     warnings: tuple[str, ...] = ()

@@ -1,100 +1,26 @@
 """Tables of samples to our runs: the function behind ``inertia import``."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 
 from identify.signals.run import RunError
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import on_one_line
+from rig.mcap.message_definitions import POSE
+from rig.mcap.message_fields import JOINTS
 from rig.runs import write
-from rig.toml_tables import TomlTable, WrongKeyError
-from uq.experiment.recording_table import RecordingTable, SensorConventions, unit_name
-from uq.files.csv_columns import ColumnsTable, read_columns
-from uq.files.document import in_file, read_document
-from uq.files.schema import Axes, declared_table, in_unit
+from uq.experiment.recording_table import UNITS, RecordingTable
+from uq.files.document import ExperimentError
+from uq.files.provenance import sha256
 from uq.files.units import scale
-from uq.recorded.declared_channels import declared
-from uq.recorded.table_recording import as_recording, silenced
-
-NANOSECONDS = 1_000_000_000
-
-
-class MapColumns(ColumnsTable, frozen=True, kw_only=True):
-    """``[columns]`` of a map: the columns of time, wrench and motion."""
-
-    SIGNALS = ("time", "force", "moment", "angular_velocity", "acceleration")
-    time: str | None = None
-    """The column of the time; or state ``rate``."""
-    time_unit: Annotated[str, unit_name("s")] | None = None
-    """Name of the unit of the time column."""
-    rate: Annotated[float, in_unit("Hz", above=0)] | None = None
-    """Sample rate [Hz] of a table without times."""
-    force: Axes[str]
-    """The columns of the force's components."""
-    moment: Axes[str]
-    """The columns of the moment's components."""
-    angular_velocity: Axes[str]
-    """The columns of the angular velocity's components."""
-    acceleration: Axes[str] | None = None
-    """The columns of the specific force's components."""
-
-    def __post_init__(self) -> None:
-        """Refuse both, or neither, of times and rate."""
-        super().__post_init__()
-        if (self.time is not None) == (self.rate is not None):
-            raise WrongKeyError(
-                "", f"has {'both time and' if self.rate else 'neither time nor'} rate: write one of them"
-            )
-        if (self.time_unit is None) != (self.rate is not None):
-            advice = "remove it" if self.rate else 'add it, such as time_unit = "s"'
-            raise WrongKeyError("time_unit", advice, "belongs to a time column")
-
-
-class MapConventions(SensorConventions, frozen=True, kw_only=True):
-    """``[recording]`` of a map: the conventions of the table's numbers, which a table itself does not state."""
-
-    wrench: Literal["on_body", "on_sensor"]
-    """Sign of the wrench in the table: that on the body, or the reaction on the sensor."""
-    force_unit: Annotated[str, unit_name("N")]
-    """Name of the force's unit, such as ``lbf``."""
-    moment_unit: Annotated[str, unit_name("N*m")]
-    """Name of the moment's unit, such as ``N*mm``."""
-    angular_velocity_unit: Annotated[str, unit_name("rad/s")]
-    """Name of the angular velocity's unit, such as ``deg/s``."""
-
-
-class Map(TomlTable, frozen=True, kw_only=True):
-    """Meaning of the columns in a table of samples."""
-
-    columns: MapColumns
-    """Columns of the table's signals."""
-    recording: MapConventions
-    """Signs, units and axes of the table's numbers."""
-
-    @property
-    def conventions(self) -> RecordingTable:
-        """The conventions in the form in which an experiment declares them."""
-        return RecordingTable(**self.recording.to_dict())
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Map":
-        """Read a map file.
-
-        Raises:
-            ExperimentError: it is not TOML, or not a map.
-            OSError: it cannot be read.
-        """
-        with in_file(path):
-            return cls.from_dict(read_document(path, "a map file")[0])
-
-    @classmethod
-    def from_dict(cls, document: dict) -> "Map":
-        """Build a map from the content of a file; see :meth:`load`."""
-        return declared_table("", document, cls)
+from uq.recorded.declared_channels import EQUAL, declared
+from uq.recorded.table_map import MOTIONS, WRENCH, Map
+from uq.recorded.table_samples import DeclaredTable, TableSamples, as_recording, silenced
 
 
 @dataclass(frozen=True)
@@ -104,24 +30,31 @@ class Imported:
     path: Path
     """Path of the MCAP file."""
     samples: int
+    """Number of samples of the wrench."""
+    motion_samples: int
+    """Number of samples of the motion."""
     assumptions: tuple[str, ...]
     """Assumptions about what the map does not state."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as plain values."""
-        return {"path": str(self.path), "samples": self.samples, "assumptions": list(self.assumptions)}
+        counts = {"samples": self.samples, "motion_samples": self.motion_samples}
+        return {"path": str(self.path), **counts, "assumptions": list(self.assumptions)}
 
     def __repr__(self) -> str:
         notes = [f"assumed: {text}" for text in self.assumptions]
-        return "\n".join(map(on_one_line, [f"{self.samples:,} samples written to {self.path}", *notes]))
+        count = f"{self.samples:,} samples"
+        if self.motion_samples != self.samples:
+            count += f" of the wrench and {self.motion_samples:,} of the motion"
+        return "\n".join(map(on_one_line, [f"{count} written to {self.path}", *notes]))
 
 
-def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrite: bool = False) -> Imported:
-    """Write a table of samples as a run of ours: SI units, the wrench on the body at Q, body frame.
+def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path, *, overwrite: bool = False) -> Imported:
+    """Write tables of samples as a run of ours: SI units, the wrench on the body at Q, body frame.
 
     Args:
-        path: a table in a text file, one row a sample.
-        mapping: what its columns mean.
+        paths: a table in a text file, one row a sample; or two that are joined by their times.
+        mapping: what their columns mean.
         output: the MCAP file to write.
         overwrite: replace an existing file.
 
@@ -129,52 +62,126 @@ def import_table(path: str | Path, mapping: Map, output: str | Path, *, overwrit
         What was written, and what was assumed.
 
     Raises:
-        RunError: the table cannot be used, or its time does not increase.
+        ExperimentError: the map does not fit the tables.
+        RunError: a table cannot be used, or its time does not increase.
         RigError: the output exists.
         OSError: a file cannot be read or written.
     """
-    table = read_columns(path, mapping.columns.columns)
-    stamp = _stamps(table.get("time"), mapping, len(table["force"]), Path(path).name)
-    nothing = np.zeros((len(stamp), 3))
-    motion = table["angular_velocity"], table.get("acceleration", nothing)
-    raw = as_recording(path, table["force"], table["moment"], *motion)
-    absent = {"acceleration"} - set(table)
-    rig = declared(raw, silenced(mapping.conventions, absent))
-    (force, moment), (omega, acceleration) = rig.wrench(raw.wrench), rig.motion(raw.imu)
-    imu = ImuChannel(
-        topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=omega,
-        linear_acceleration=acceleration,
-    )  # fmt: skip
-    write(
-        output,
-        wrench=WrenchChannel(topic="/wrench", frame_id="body", log_time=stamp, stamp=stamp, force=force, moment=moment),
-        imu=imu,
-        metadata={"rig.run": _about(raw.path, raw.sha256, rig.assumptions, accelerates=not absent)},
-        overwrite=overwrite,
+    if len(paths) != len(mapping.parts):
+        needed = "one table: name the other's columns in [second]" if mapping.second is None else "two tables"
+        raise ExperimentError(f"{len(paths)} {'table' if len(paths) == 1 else 'tables'}, but a map of {needed}")
+    tables = [DeclaredTable(path, columns) for path, columns in zip(paths, mapping.parts, strict=True)]
+    cell = next(table for table in tables if table.declared.force is not None)
+    sensor = next(table for table in tables if table.declared.motion)
+    conventions = _conventions(mapping, cell, sensor)
+    signals = [key for key in (sensor.declared.motion, "acceleration") if key in sensor.table.places]
+    loads, motion = cell.samples(WRENCH), sensor.samples(signals)
+    _check_overlap(cell, loads.stamp, sensor, motion.stamp)
+    zero = min(0, int(loads.stamp.min()), int(motion.stamp.min()))
+    force, moment = (values / cell.counts.get(key, 1.0) for key, values in zip(WRENCH, loads.values, strict=True))
+    nothing = np.zeros((len(motion.stamp), 3))
+    turning = signals[0] == MOTIONS[0]
+    raw = as_recording(cell.path, force, moment, *([*motion.values, nothing] if turning else [nothing, nothing])[:2])
+    rig = declared(raw, silenced(conventions, set(UNITS) - {*WRENCH, *signals}))
+    force, moment = rig.wrench(raw.wrench)
+    wrench = WrenchChannel(
+        topic="/wrench", frame_id="body", log_time=loads.stamp - zero, stamp=loads.stamp - zero, force=force,
+        moment=moment,
+    ).in_order()  # fmt: skip
+    channel = _motion(sensor, motion, zero, rig.motion(raw.imu)).in_order()
+    cell.check_order(wrench.stamp)
+    sensor.check_order(channel.stamp)
+    moved = any(
+        (source.stamp - zero != written.stamp).any() for source, written in ((loads, wrench), (motion, channel))
     )
-    return Imported(Path(output), len(stamp), rig.assumptions)
+    notes = (*rig.assumptions, *_sorting(moved), *dict.fromkeys((*loads.notes, *motion.notes)))
+    about = _about(
+        [table.path for table in tables], notes, channel.topic, turning=turning, accelerates=len(signals) > 1
+    )
+    write(output, wrench=wrench, imu=channel, metadata={"rig.run": about}, overwrite=overwrite)
+    return Imported(Path(output), len(wrench.stamp), len(channel.stamp), notes)
 
 
-def _stamps(time: np.ndarray | None, mapping: Map, count: int, name: str) -> np.ndarray:
-    """Instants [ns]; a table whose time begins below zero begins at zero."""
-    if time is None:
-        return np.round(np.arange(count) * (NANOSECONDS / float(mapping.columns.rate or 1))).astype(np.int64)
-    seconds = time[:, 0] * scale(str(mapping.columns.time_unit), "s")
-    if seconds[-1] - min(seconds[0], 0) > 9e9:
-        raise RunError(f"time in {name} reaches {seconds[-1]:.3g} s: correct columns.time_unit")
-    back = np.flatnonzero(np.diff(seconds) <= 0)
-    if len(back):
-        raise RunError(f"time in {name} does not increase after sample {back[0] + 1}: correct the table")
-    since = (time[:, 0] - time[0, 0]) * scale(str(mapping.columns.time_unit), "s")  # a count of days would cost digits
-    return round(max(seconds[0], 0) * NANOSECONDS) + np.round(since * NANOSECONDS).astype(np.int64)
+def _conventions(mapping: Map, cell: DeclaredTable, sensor: DeclaredTable) -> RecordingTable:
+    """The declaration, with the units that the tables state.
+
+    Raises:
+        ExperimentError: map and table contradict each other, or neither states a unit.
+    """
+    units = {}
+    for signal, table in (*((key, cell) for key in WRENCH), *((key, sensor) for key in (MOTIONS[0], "acceleration"))):
+        if signal not in table.table.places:
+            continue
+        key, stated = f"{signal}_unit", table.unit(signal)
+        units[key] = mapping.recording.unit(signal) or stated
+        if units[key] is None and signal != "acceleration":
+            raise ExperimentError(f"missing key recording.{key}: add it, {table.path.name} does not state it")
+        if stated and abs(scale(stated, UNITS[signal]) / scale(str(units[key]), UNITS[signal]) - 1) > EQUAL:
+            raise ExperimentError(
+                f"{table.path.name} states {signal.replace('_', ' ')} in {stated}, recording.{key} says {units[key]}: "
+                "correct the map"
+            )
+    if sensor.declared.motion != MOTIONS[0] and mapping.recording.imu_rotation_to_body is not None:
+        raise ExperimentError(
+            f"recording.imu_rotation_to_body turns an angular velocity, not {sensor.declared.motion}: remove it, "
+            "and declare it in the experiment"
+        )
+    return RecordingTable(**mapping.recording.to_dict() | units)
 
 
-def _about(path: Path, digest: str, assumed: tuple[str, ...], *, accelerates: bool) -> dict[str, str]:
-    imu = "in B" if accelerates else "in B; no acceleration was imported: it is zero"
+def _motion(
+    sensor: DeclaredTable, samples: TableSamples, zero: int, rates: tuple[np.ndarray, np.ndarray]
+) -> ImuChannel | MotionChannel:
+    """The channel of the motion; ``rates``: angular velocity and specific force, where the table holds them."""
+    stamp, kind = samples.stamp - zero, sensor.declared.motion
+    if kind == "quaternion":
+        xyzw = samples.values[0][:, [1, 2, 3, 0]]
+        return MotionChannel(topic="/pose", frame_id="world", log_time=stamp, stamp=stamp, type=POSE, orientation=xyzw)
+    if kind == "joints":
+        position = samples.values[0] * scale(sensor.declared.joint_unit, "rad")
+        return MotionChannel(
+            topic="/joint_states", frame_id="", log_time=stamp, stamp=stamp, type=JOINTS,
+            names=tuple(sensor.declared.joints or ()), position=position,
+        )  # fmt: skip
+    return ImuChannel(
+        topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=rates[0],
+        linear_acceleration=rates[1],
+    )  # fmt: skip
+
+
+def _check_overlap(cell: DeclaredTable, loads: np.ndarray, sensor: DeclaredTable, motion: np.ndarray) -> None:
+    """Refuse two tables of different clocks."""
+    if cell is sensor:
+        return
+    for table, place in ((cell, "columns"), (sensor, "second")):
+        if table.declared.time is None and table.declared.time_offset is None:
+            raise ExperimentError(f"no times in {table.path.name} to join it by: name {place}.time, or its time_offset")
+    if max(loads.min(), motion.min()) >= min(loads.max(), motion.max()):
+        ranges = [f"{table.path.name} goes from {_instant(int(t.min()))} to {_instant(int(t.max()))}"
+                  for table, t in ((cell, loads), (sensor, motion))]  # fmt: skip
+        raise RunError(f"{', '.join(ranges)}: state time_offset of one of them, or give tables of the same run")
+
+
+def _instant(stamp: int) -> str:
+    """An instant for a reader: a date, or seconds where the clock does not count from 1970."""
+    return f"{np.datetime64(stamp, 'ns').astype('datetime64[ms]')}" if stamp > 1e17 else f"{stamp * 1e-9:.3f} s"
+
+
+def _sorting(moved: bool) -> tuple[str, ...]:
+    return ("rows out of order are sorted by their times",) * moved
+
+
+def _about(
+    paths: Sequence[Path], assumed: tuple[str, ...], topic: str, *, turning: bool, accelerates: bool
+) -> dict[str, str]:
+    frames = {"/wrench": "force and moment on the body at Q, in B"}
+    if turning:
+        frames[topic] = "in B" if accelerates else "in B; no acceleration was imported: it is zero"
+    files = [{"file": path.name, "sha256": sha256(path)} for path in paths]
     return {
-        "imported": json.dumps({"file": path.name, "sha256": digest}),
+        "imported": json.dumps(files if len(files) > 1 else files[0]),
         "assumed": json.dumps(assumed, ensure_ascii=False),
         "wrench": "on_body",
-        "frames": json.dumps({"/wrench": "force and moment on the body at Q, in B", "/imu": imu}),
-        "units": json.dumps({"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}),
+        "frames": json.dumps(frames),
+        "units": json.dumps(UNITS),
     }

@@ -115,12 +115,12 @@ def refused(capsys, table, mapping, out):
     ("old", "new", "words"),
     [
         ('wrench = "on_sensor"', "", "missing key recording.wrench: add it"),
-        ('force_unit = "lbf"', "", "missing key recording.force_unit: add it"),
+        ('force_unit = "lbf"', "", "missing key recording.force_unit: add it, t.csv does not state it"),
         ('force_unit = "lbf"', "force_unit = 4.45", "recording.force_unit is 4.45: write a string"),
         ('force_unit = "lbf"', 'force_unit = "lb"', "recording.force_unit is 'lb'"),
         ('time_unit = "ms"', "", "columns.time_unit belongs to a time column: add it"),
         ('time_unit = "ms"', 'time_unit = "mm"', "columns.time_unit is 'mm'"),
-        ('time_unit = "ms"', 'time_unit = "ms"\nrate = "1 Hz"', "columns has both time and rate"),
+        ('time_unit = "ms"', 'time_unit = "ms"\nrate = "100 Hz"', "times in t.csv depart by 0.392 s from 100 Hz"),
         ('time = "t"\ntime_unit = "ms"', "", "columns has neither time nor rate"),
         ('time = "t"\ntime_unit = "ms"', "rate = 100", "columns.rate is 100: write a value with its unit"),
         ('moment = ["Mx", "My", "Mz"]', "", "missing key columns.moment: add it"),
@@ -145,6 +145,8 @@ def test_maps_that_cannot_be_used(files, capsys, old, new, words):
     ("change", "words"),
     [
         (lambda c: c | {"t": [*c["t"][:9], *c["t"][8:-1]]}, "time in t.csv does not increase after sample 9"),
+        (lambda c: c | {"t": c["t"] // 10 * 10}, 'come at 500 Hz: add rate = "500 Hz"'),
+        (lambda c: c | {"t": np.roll(c["t"], 9)}, "time in t.csv starts again after sample 9: write rate"),
         (lambda c: c | {"t": 1e6 * c["t"]}, "time in t.csv reaches 1.7e+15 s: correct columns.time_unit"),
         (lambda c: c | {"wy": [*c["wy"][:3], "inf", *c["wy"][4:]]}, "column 'wy' in t.csv is 'inf' at row 5"),
         (lambda c: c | {"wy": [*c["wy"][:3], "3;4", *c["wy"][4:]]}, "column 'wy' in t.csv is '3;4' at row 5"),

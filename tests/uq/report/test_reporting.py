@@ -4,7 +4,6 @@ import dataclasses
 import importlib
 import inspect
 import pkgutil
-import sys
 
 import numpy as np
 import pytest
@@ -47,7 +46,6 @@ def test_a_figure_is_drawn_into_another_one():
 
 
 def test_frames_hold_the_numbers_by_name():
-    pytest.importorskip("pandas")
     result = campaign()
     row = result.to_frame().loc[("T1", "central", "imu", "I33")]
     assert row["mean_error"] == 1e3 * result["T1", "central"].groups["imu"].mean_error[5]
@@ -56,12 +54,6 @@ def test_frames_hold_the_numbers_by_name():
     law = propagate(lambda x: x["a"] * x["b"], {"a": Normal(1.0, 0.1), "b": Normal(2.0, 0.3)})
     assert law.to_frame()["u from b"][0] == pytest.approx(0.3)
     assert Weighed(2.0, np.ones(1)).to_frame().loc["mass", "kg"] == "2"  # texts alone: the first names the row
-
-
-def test_without_pandas_one_line_says_so(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ModuleNotFoundError, match=r"^pandas is missing for to_frame\(\): pip install pandas$"):
-        campaign().to_frame()
 
 
 def results():

@@ -1,0 +1,189 @@
+"""Tables as instruments write them: each layout imports as the plain table does, by hand or by its proposed map."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+from rig import runs
+from uq.cli.main import main
+
+NAMES = ["time", "Fx", "Fy", "Fz", "Tx", "Ty", "Tz", "wx", "wy", "wz", "ax", "ay", "az"]
+UNITS = ["s", "N", "N", "N", "Nm", "Nm", "Nm", "rad/s", "rad/s", "rad/s", "m/s^2", "m/s^2", "m/s^2"]
+N, RATE = 60, 250.0
+TIME = np.arange(N) / RATE
+DATES = [f"2025-06-01 14:03:{7 + t:09.6f}" for t in TIME]
+
+
+@pytest.fixture
+def values():
+    """Force, moment, angular velocity and specific force, as a table rounds them."""
+    draw = np.random.default_rng(0)
+    return np.round(draw.normal(size=(N, 12)) + [20.0, 0, 0, 1, 0, 0, 0, 0, 0, 9.81, 0, 0], 6)
+
+
+def table(rows, head=NAMES, *, delimiter=",", decimal=".", above="", encoding="utf-8", end=""):
+    file = io.StringIO()
+    writer = csv.writer(file, delimiter=delimiter, lineterminator=end + "\n")
+    writer.writerows([[str(cell).replace(".", decimal) for cell in row] for row in ([head] if head else []) + rows])
+    return (above + file.getvalue()).encode(encoding)
+
+
+def layouts(v):
+    """A file by the name of its layout."""
+    plain = [[f"{t:.6f}", *row] for t, row in zip(TIME, v, strict=True)]
+    labview = "LabVIEW Measurement\t\nDecimal_Separator\t,\n***End_of_Header***\nSamples\t60\n***End_of_Header***\t\n"
+    return {
+        "plain": table(plain),
+        "comments": table(plain, above="# by me\n# 250 Hz\n"),
+        "labview": table(plain, [*NAMES, "Comment"], delimiter="\t", decimal=",", above=labview),
+        "excel": table(plain, delimiter=";", decimal=",", encoding="utf-8-sig"),
+        "dates": table([[date, *row[1:]] for date, row in zip(DATES, plain, strict=True)]),
+        "latin1": table([[*row, 21.5] for row in plain], [*NAMES, "Temp °C"], encoding="latin-1"),
+        "utf16": table(plain, delimiter="\t", encoding="utf-16")[:-1],  # its logger stopped within a character
+        "epoch_ns": table([[1_750_000_000_000_000_123 + round(1e9 * t), *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "no_head": table(plain, None),
+        "units_row": table([UNITS, *plain]),
+        "units_in_names": table(plain, [f"{name} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True)]),
+        "text_column": table([[*row, "ok"] for row in plain], [*NAMES, "status"]),
+        "trailing": table(plain, end=","),
+        "blanks": table(plain, delimiter=" "),
+        "coarse": table([[f"{float(row[0]):.2f}", *row[1:]] for row in plain]),
+        "swapped": table([*plain[:20], plain[21], plain[20], *plain[22:]]),
+        "restarts": table([[f"{(59.9 + t) % 60:.3f}", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "told_rate": table(
+            [[i, 40 * i, *row[1:]] for i, row in enumerate(plain)], ["PacketCounter", "SampleTimeFine", *NAMES[1:]],
+            delimiter="\t", above="// General information:\n// Update Rate: 250.0Hz\n",
+        ),
+    }  # fmt: skip
+
+
+LAYOUTS = list(layouts(np.zeros((N, 12))))
+
+
+def run_of(path):
+    """Times from the first wrench sample [s] and values of a run's two topics."""
+    run = runs.read(path)
+    zero = run.wrench.stamp[0]
+    return (
+        (run.wrench.stamp - zero) * 1e-9, np.hstack([run.wrench.force, run.wrench.moment]),
+        (run.imu.stamp - zero) * 1e-9, np.hstack([run.imu.angular_velocity, run.imu.linear_acceleration]),
+    )  # fmt: skip
+
+
+def proposed(tmp_path, *paths):
+    """Import by the map that is proposed."""
+    out, names = tmp_path / "run.mcap", list(map(str, paths))
+    assert main(["import", *names, "-o", str(out)]) == 1
+    assert not out.exists()
+    assert main(["import", *names, "--map", str(tmp_path / "run.map.toml"), "-o", str(out)]) == 0
+    return out
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_proposed_map_leads_to_the_run(tmp_path, values, layout):
+    path = tmp_path / "t.csv"
+    path.write_bytes(layouts(values)[layout])
+    t_wrench, wrench, t_imu, imu = run_of(proposed(tmp_path, path))
+    np.testing.assert_allclose(t_wrench, TIME, atol=1e-9)
+    np.testing.assert_allclose(t_imu, TIME, atol=1e-9)
+    np.testing.assert_allclose(wrench, values[:, :6], rtol=1e-12)
+    np.testing.assert_allclose(imu, values[:, 6:], rtol=1e-12)
+
+
+def test_missing_cells_leave_out_their_sensor_alone(tmp_path, values, capsys):
+    rows = [[f"{t:.6f}", *row] for t, row in zip(TIME, values, strict=True)]
+    rows[30][3], rows[40][8] = "", "NaN"
+    (tmp_path / "t.csv").write_bytes(table(rows))
+    t_wrench, wrench, t_imu, _ = run_of(proposed(tmp_path, tmp_path / "t.csv"))
+    np.testing.assert_allclose(t_wrench, np.delete(TIME, 30), atol=1e-9)
+    np.testing.assert_allclose(t_imu, np.delete(TIME, 40), atol=1e-9)
+    np.testing.assert_allclose(wrench, np.delete(values[:, :6], 30, axis=0))
+    assert "1 rows of t.csv without force or moment are left out" in capsys.readouterr().out
+
+
+def test_counts_and_an_imu_of_another_logger_are_joined_by_time(tmp_path, values):
+    counts = [[round(1e6 * x) for x in row[:6]] for row in values]
+    above = "RDT Sample Rate: 250\nForce Units: N, Counts per Unit Force: 1e6\nTorque Units: Nm, Counts per Unit Torque: 1e6\n"
+    stamps = [f"06/01/2025 02:03:{7 + t:09.6f} PM" for t in TIME]
+    head = ["Status (hex)", "RDT Sequence", *NAMES[1:7], "Time"]
+    rows = [["0x0", i, *row, stamp] for i, (row, stamp) in enumerate(zip(counts, stamps, strict=True))]
+    (tmp_path / "ft.csv").write_bytes(table(rows, head, above=above))
+    imu = np.hstack([np.degrees(values[:, 6:9]), values[:, 9:] / 9.80665])
+    head = ["stamp", *(f"gyro_{a} [deg/s]" for a in "xyz"), *(f"acc_{a} (g)" for a in "xyz")]
+    rows = [[date, *row] for date, row in zip(DATES, imu, strict=True)][5:]
+    (tmp_path / "imu.csv").write_bytes(table(rows, head, delimiter=";", decimal=","))
+    t_wrench, wrench, t_imu, motion = run_of(proposed(tmp_path, tmp_path / "ft.csv", tmp_path / "imu.csv"))
+    np.testing.assert_allclose(t_wrench, TIME, atol=1e-9)
+    np.testing.assert_allclose(t_imu, TIME[5:], atol=1e-9)
+    np.testing.assert_allclose(wrench, values[:, :6], atol=1e-6)
+    np.testing.assert_allclose(motion, values[5:, 6:], rtol=1e-9)
+
+
+def test_tables_of_two_clocks_are_refused_with_both_ranges(tmp_path, values, capsys):
+    for name, zero, columns in (("ft.csv", 1.75e9, slice(0, 6)), ("imu.csv", 0.0, slice(6, 12))):
+        rows = [[f"{zero + t:.6f}", *row[columns]] for t, row in zip(TIME, values, strict=True)]
+        (tmp_path / name).write_bytes(table(rows, ["time", *NAMES[1:][columns]]))
+    command = ["import", str(tmp_path / "ft.csv"), str(tmp_path / "imu.csv"), "-o", str(tmp_path / "run.mcap")]
+    assert main(command) == 1
+    mapping = tmp_path / "run.map.toml"
+    assert main([*command, "--map", str(mapping)]) == 2
+    assert (
+        "from 2025-06-15T15:06:40.000 to 2025-06-15T15:06:40.236, imu.csv goes from 0.000 s to"
+        in capsys.readouterr().err
+    )
+    mapping.write_text(mapping.read_text().replace("[second]", '[second]\ntime_offset = "1750000000 s"'))
+    assert main([*command, "--map", str(mapping)]) == 0
+    np.testing.assert_allclose(run_of(tmp_path / "run.mcap")[2], TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("columns", "key"),
+    [
+        (["q_w", "q_x", "q_y", "q_z"], "orientation"),
+        (["/joint_states/a/position", "/joint_states/b/position"], "position"),
+    ],
+)
+def test_a_quaternion_or_joints_tell_the_motion(tmp_path, values, columns, key):
+    motion = np.round(np.random.default_rng(1).normal(size=(N, len(columns))), 6)
+    rows = [[f"{t:.6f}", *row, *more] for t, row, more in zip(TIME, values[:, :6], motion, strict=True)]
+    (tmp_path / "t.csv").write_bytes(table(rows, [*NAMES[:7], *columns]))
+    got = runs.read_any(proposed(tmp_path, tmp_path / "t.csv")).motion
+    expected = motion[:, [1, 2, 3, 0]] if key == "orientation" else motion
+    np.testing.assert_allclose(getattr(got, key), expected, rtol=1e-12)
+    assert got.names == ("a", "b")[: 2 * (key == "position")]
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "words"),
+    [
+        ([*NAMES[:7], "x", "y", "z"], "N", "no columns of motion among those of t.csv"),
+        (["time", "Fx [lbf]", "Fy [lbf]", "Fz [lbf]", *NAMES[4:10]], "N", "t.csv states force in lbf, recording.force_unit says N"),
+    ],
+)  # fmt: skip
+def test_what_contradicts_or_lacks_is_one_line(tmp_path, values, capsys, head, unit, words):
+    rows = [[f"{t:.6f}", *row[:9]] for t, row in zip(TIME, values, strict=True)]
+    (tmp_path / "t.csv").write_bytes(table(rows, head))
+    command = ["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]
+    if main(command) == 1:
+        mapping = tmp_path / "run.map.toml"
+        mapping.write_text(mapping.read_text().replace('force_unit = "lbf"', f'force_unit = "{unit}"'))
+        assert main([*command, "--map", str(mapping)]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.npz", "run.xlsx", "run.mat"])
+def test_a_table_in_place_of_a_recording_is_told_the_command(tmp_path, capsys, name):
+    (tmp_path / name).write_bytes(b"PK\x03\x04")
+    assert main(["inspect", str(tmp_path / name)]) == 2
+    assert "`inertia import" in capsys.readouterr().err
+
+
+def test_the_files_of_a_run_are_named_in_it(tmp_path, values):
+    (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
+    about = runs.read(proposed(tmp_path, tmp_path / "t.csv")).metadata["rig.run"]
+    assert json.loads(about["imported"])["file"] == "t.csv"
