@@ -35,6 +35,12 @@ class RecordedChannel:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.topic!r}: {len(self.log_time):,} samples)"
 
+    def taken(self, which: NDArray[Any]) -> Self:
+        """Return some of the messages: those at these places, or where the mask is true."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays: dict[str, Any] = {name: x[which] for name, x in values.items() if isinstance(x, np.ndarray)}
+        return replace(self, **arrays)
+
     def in_order(self) -> Self:
         """Return the messages in the order of their stamps, where some overtook others on their way.
 
@@ -46,10 +52,7 @@ class RecordedChannel:
             return self
         if (np.maximum.accumulate(self.stamp) - self.stamp).max() > LATE:
             return self
-        order = np.argsort(self.stamp)
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays: dict[str, Any] = {name: x[order] for name, x in values.items() if isinstance(x, np.ndarray)}
-        return replace(self, **arrays)
+        return self.taken(np.argsort(self.stamp))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,7 +15,7 @@ from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
-from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.message_fields import IMU, JOINTS, WRENCH
 from rig.mcap.records import MESSAGE, Batch, Definitions
 from rig.read_limits import UnpackBudget, parse_json
 
@@ -24,31 +24,50 @@ Topics = Mapping[str, str | None]
 """The one topic to take of each message type, or None for all of the type."""
 
 
+MOST_PUBLISHERS = 20
+"""Sets of joints that the messages of one topic name: arm, gripper, base, head."""
+
+
 class TopicMessages:
     """The messages of one topic as they come, chunk by chunk."""
 
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
         self.frames: set[str] = set()
-        self.joints: set[tuple[str, ...]] = set()
-        self.chunks: dict[str, list[NDArray]] = {}
+        self.chunks: dict[tuple[str, ...], dict[str, list[NDArray]]] = {}
+        """Columns of the messages that name the same joints, by these joints."""
 
     def add(self, groups: list[DecodedMessages]) -> None:
         """Take decoded messages of one chunk."""
-        order = np.argsort(np.concatenate([group.where for group in groups]))
         self.frames |= {group.frame_id for group in groups}
-        self.joints |= {group.names for group in groups}
-        if len(self.frames) > 1:
+        if len(self.frames) > 1 and self.type_name != JOINTS:  # a joint's position is in no frame
             raise RigError(f"its messages name several frames ({listed(sorted(self.frames))}): split the run")
-        if len(self.joints) > 1:
-            raise RigError(f"its messages name different joints ({listed(sorted(map(str, self.joints)))})")
-        for name in groups[0].columns:
-            values = np.concatenate([group.columns[name] for group in groups])
-            self.chunks.setdefault(name, []).append(values if len(groups) == 1 else values[order])
+        for names in dict.fromkeys(group.names for group in groups):
+            same = [group for group in groups if group.names == names]
+            order = np.argsort(np.concatenate([group.where for group in same]))
+            columns = self.chunks.setdefault(names, {})
+            for name in same[0].columns:
+                values = np.concatenate([group.columns[name] for group in same])
+                columns.setdefault(name, []).append(values if len(same) == 1 else values[order])
+        if len(self.chunks) > MOST_PUBLISHERS:
+            raise RigError(f"its messages name over {MOST_PUBLISHERS} sets of joints: record those of the robot alone")
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints of all messages."""
+        return tuple(dict.fromkeys(name for names in self.chunks for name in names))
 
     def arrays(self) -> dict[str, NDArray]:
-        """Every column of the topic in the order of ``log_time``; the chunks are released one by one."""
-        joined = {name: np.concatenate(self.chunks.pop(name)) for name in list(self.chunks)}
+        """Every column of the topic in the order of ``log_time``; the chunks are released one by one.
+
+        A message that names some of the joints alone holds NaN for the others.
+        """
+        joints, parts = self.joints, []
+        for names in list(self.chunks):
+            columns = self.chunks.pop(names)
+            part = {name: np.concatenate(columns.pop(name)) for name in list(columns)}
+            parts.append(part if names == joints else {name: _among(x, names, joints) for name, x in part.items()})
+        joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind="stable")
@@ -146,12 +165,22 @@ class Contents:
         kind = self.topics[topic].type_name
         if kind == IMU:
             return self.imu(topic)
-        (names,) = self.topics[topic].joints
+        names = self.topics[topic].joints
         return MotionChannel(type=kind, names=names, **self._arrays(topic))
 
     def _arrays(self, topic: str) -> dict[str, Any]:
-        (frame,) = self.topics[topic].frames
-        return {"topic": topic, "frame_id": frame, **self.topics[topic].arrays()}
+        frames = self.topics[topic].frames
+        return {"topic": topic, "frame_id": frames.pop() if len(frames) == 1 else "", **self.topics[topic].arrays()}
+
+
+def _among(values: NDArray, names: tuple[str, ...], joints: tuple[str, ...]) -> NDArray:
+    """Values of some joints, or of none of them, among all: NaN for the others; of other columns the same."""
+    if values.ndim < 2 or values.shape[1] not in (0, len(names)):
+        return values
+    spread = np.full((len(values), len(joints)), np.nan)
+    if values.shape[1]:
+        spread[:, [joints.index(name) for name in names]] = values
+    return spread
 
 
 def type_of(channel: Channel, definitions: Definitions) -> str:

@@ -131,16 +131,31 @@ def _of_joints(
     for what, values in (("position", position), ("velocity", velocity)):
         if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
             raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
-        bad = ~np.isfinite(values).all(axis=1)
-        if bad.any():
-            raise RunError(f"{what} of {name} is not finite at sample {int(np.argmax(bad))}: remove such samples first")
-    chain.check_units((instants - instants[0]) / NANOSECONDS, position, velocity, name)
+    columns = [k for _, k in chain.joints]
+    complete, position = _complete(position, columns, instants, name)
+    if velocity.shape[1]:
+        measured = complete & np.isfinite(velocity[:, columns]).all(axis=1)
+        if gravity is None and measured.sum() > 1 and velocity[measured][:, columns].any():
+            complete = measured
+        else:
+            velocity = velocity[:, :0]  # they are not used, or the driver does not measure them
+    source, instants = source.taken(complete), instants[complete]
+    position, velocity = position[complete], velocity[complete]
+    chain.check_limits(position, name)
+    position, unwrapped = chain.unwrapped(position)
+    if velocity.shape[1]:
+        chain.check_velocities((instants - instants[0]) / NANOSECONDS, position, velocity, name)
     notes: tuple[str, ...] = (
         f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",
+        *chain.notes,
+        *unwrapped,
     )
+    if not complete.all():
+        left_out = int((~complete).sum())
+        notes = (*notes, f"{left_out:,} messages of {source.topic} without all its joints are left out")
     if gravity is None:
         notes = (*notes, UNJUDGED)
-    if velocity.shape[1] and gravity is None:
+    if velocity.shape[1]:
         white = (f"the noise of the velocities in {source.topic} is white",)
         return RecordedMotion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
 
@@ -162,6 +177,29 @@ def _of_joints(
     return RecordedMotion(
         differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings
     )
+
+
+def _complete(
+    position: np.ndarray, columns: list[int], instants: np.ndarray, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which messages hold all joints that are used, and positions; those of several publishers are interpolated.
+
+    Raises:
+        RunError: fewer than two messages hold a joint.
+    """
+    held = np.isfinite(position)
+    for k in columns:
+        if held[:, k].sum() < 2:
+            raise RunError(f"a joint's position of {name} is a number in fewer than two messages: record it")
+    if held[:, columns].all(axis=1).sum() >= 2:
+        return held[:, columns].all(axis=1), position
+    # Each publisher names other joints: at the instants of the first joint's, within all others'.
+    first, position, t = held[:, columns[0]], position.copy(), (instants - instants[0]) / NANOSECONDS
+    for k in columns:
+        own = t[held[:, k]]
+        first = first & (t >= own[0]) & (t <= own[-1]) & ~in_gap(own, t, 0.0)
+        position[:, k] = np.interp(t, own, np.unwrap(position[held[:, k], k]))
+    return first, position
 
 
 def _slope(uniform: np.ndarray, taps: np.ndarray) -> np.ndarray:

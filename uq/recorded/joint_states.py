@@ -12,6 +12,10 @@ from uq.experiment.recording_table import RecordingTable
 from uq.files.document import ExperimentError
 from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
+ONE_TURN = 2 * np.pi * (1 + 1e-6)
+"""Range of an angle that is recorded within one turn [rad], with its rounding."""
+GAP = 3.0
+"""Step between samples over their median, beyond which their mean velocity does not tell the way."""
 UNLIKE = 0.3
 """Departure from one, of recorded velocities over the rate of recorded positions, that no noise or delay makes."""
 
@@ -28,6 +32,8 @@ class Chain:
     """Number of the frame in the model."""
     joints: tuple[tuple[int, int], ...]
     """Numbers of each joint that moves the frame: in the model, and among the recorded joints."""
+    notes: tuple[str, ...] = ()
+    """Notes on the names by which the joints were found."""
 
     @classmethod
     def load(cls, declared: RecordingTable, names: tuple[str, ...], topic: str) -> "Chain":
@@ -51,18 +57,18 @@ class Chain:
         model = urdf_model(declared.urdf, "recording.urdf", "joint states")
         frame = frame_number(model, declared.urdf_frame, declared.urdf, "recording.urdf_frame")
         moving = [number for number in model.supports[model.frames[frame].parentJoint] if number > 0]
-        for number in moving:
-            if model.names[number] not in names:
+        joints = [model.names[number] for number in moving]
+        recorded, notes = _recorded_names(joints, names)
+        for number, joint in zip(moving, joints, strict=True):
+            if recorded[joint] not in names:
                 raise RunError(
-                    f"joint {quoted(model.names[number])} of {Path(declared.urdf).name} is not in {topic}: it has "
-                    f"{listed(names)}"
+                    f"joint {quoted(joint)} of {Path(declared.urdf).name} is not in {topic}: it has {listed(names)}"
                 )
             if model.joints[number].nv != 1:
                 raise RunError(f"joint {quoted(model.names[number])} of {Path(declared.urdf).name} has several axes")
             joint_axis(model, number, declared.urdf)
-        return cls(
-            model, model.createData(), frame, tuple((number, names.index(model.names[number])) for number in moving)
-        )
+        columns = [names.index(recorded[joint]) for joint in joints]
+        return cls(model, model.createData(), frame, tuple(zip(moving, columns, strict=True)), notes)
 
     def jacobian(self, position: np.ndarray) -> np.ndarray:
         """Return the angular Jacobian in the frame's own axes at recorded positions (k,), (3, joints)."""
@@ -72,13 +78,30 @@ class Chain:
         full = pinocchio.computeFrameJacobian(self.model, self.data, q, self.frame, pinocchio.LOCAL)
         return np.asarray(full[3:, self._moving])
 
-    def check_units(self, t: np.ndarray, position: np.ndarray, velocity: np.ndarray, name: str) -> None:
-        """Refuse positions far beyond the URDF's limits, and velocities that are not their rate: units are mixed up.
+    def unwrapped(self, position: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Return positions without the jumps of angles that are recorded within one turn, and notes on them.
 
         Args:
-            t: instants [s], (n,), increasing.
             position: of the recorded joints, (n, k).
-            velocity: of them, (n, k), or (n, 0).
+        """
+        continuous, notes = position.copy(), []
+        for number, k in self.joints:
+            angle = position[:, k]
+            if not self._turns(number) or np.ptp(angle) > ONE_TURN:
+                continue
+            continuous[:, k] = np.unwrap(angle)
+            if (continuous[:, k] != angle).any():
+                notes.append(f"the jumps of joint {quoted(self.model.names[number])} by a turn are taken out")
+        return continuous, tuple(notes)
+
+    def _turns(self, number: int) -> bool:
+        return bool(np.any(joint_axis(self.model, number, "the URDF")[3:]))
+
+    def check_limits(self, position: np.ndarray, name: str) -> None:
+        """Refuse positions far beyond the URDF's limits: their units are mixed up.
+
+        Args:
+            position: of the recorded joints, (n, k).
             name: what messages call them.
 
         Raises:
@@ -96,17 +119,30 @@ class Chain:
                     f"joint {quoted(self.model.names[number])} of {name} goes from {least:.4g} to {most:.4g}, far "
                     f"beyond its limits in the URDF, {low:.4g} to {high:.4g}: record positions in rad or m"
                 )
-        columns = [k for _, k in self.joints]
-        if velocity.shape[1]:
-            travelled = np.diff(position[:, columns], axis=0)
-            integrated = 0.5 * (velocity[1:] + velocity[:-1])[:, columns] * np.diff(t)[:, None]
-            power = float((travelled**2).sum())
-            ratio = float((integrated * travelled).sum()) / power if power > 0 else 1.0
-            if abs(ratio - 1) > UNLIKE:
-                raise RunError(
-                    f"velocities of {name} are {ratio:.3g} times the rate of its positions: record both in rad and "
-                    "rad/s, of the same joints, or remove the velocities"
-                )
+
+    def check_velocities(self, t: np.ndarray, position: np.ndarray, velocity: np.ndarray, name: str) -> None:
+        """Refuse velocities that are not the rate of the positions: units are mixed up. Gaps tell nothing.
+
+        Args:
+            t: instants [s], (n,), increasing.
+            position: of the recorded joints, (n, k).
+            velocity: the same.
+            name: what messages call them.
+
+        Raises:
+            RunError: so it is.
+        """
+        columns, steps = [k for _, k in self.joints], np.diff(t)
+        near = steps <= GAP * np.median(steps)
+        travelled = np.diff(position[:, columns], axis=0)[near]
+        integrated = (0.5 * (velocity[1:] + velocity[:-1])[:, columns] * steps[:, None])[near]
+        power = float((travelled**2).sum())
+        ratio = float((integrated * travelled).sum()) / power if power > 0 else 1.0
+        if abs(ratio - 1) > UNLIKE:
+            raise RunError(
+                f"velocities of {name} are {ratio:.3g} times the rate of its positions: record both in rad and "
+                "rad/s, of the same joints, or remove the velocities"
+            )
 
     def angular_velocity(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return the frame's angular velocity in its own axes [rad/s], (n, 3), of recorded joints (n, k)."""
@@ -162,3 +198,20 @@ class Chain:
             else:
                 q[at] = position[k]
         return np.asarray(q)
+
+
+def _recorded_names(joints: list[str], names: tuple[str, ...]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The recorded name of each joint of the URDF, without or with a prefix that all have; a note on the prefix."""
+    missing = next((joint for joint in joints if joint not in names), None)
+    if missing is None:
+        return {joint: joint for joint in joints}, ()
+    longer = {name.removesuffix(missing) for name in names if name.endswith(missing)}
+    shorter = {missing.removesuffix(name) for name in names if name and missing.endswith(name)}
+    fitting = [(prefix, {joint: prefix + joint for joint in joints}, "recorded") for prefix in sorted(longer)] + [
+        (prefix, {joint: joint.removeprefix(prefix) for joint in joints}, "URDF's") for prefix in sorted(shorter)
+    ]
+    fitting = [entry for entry in fitting if set(entry[1].values()) <= set(names)]
+    if len(fitting) != 1:  # none, or two robots on one topic
+        return {joint: joint for joint in joints}, ()
+    prefix, recorded, whose = fitting[0]
+    return recorded, (f"the joints are matched by name without the {whose} prefix {quoted(prefix)}",)

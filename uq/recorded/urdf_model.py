@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
@@ -34,6 +35,10 @@ class _Outline:
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
         self.nested += 1
+        if tag.startswith("xacro:") or any("${" in value or "$(" in value for value in attributes.values()):
+            raise ExperimentError(
+                f"xacro macros in {self.name}: run `xacro ROBOT.xacro > ROBOT.urdf`, and give that file"
+            )
         if self.nested > MOST_NESTED:
             raise ExperimentError(f"over {MOST_NESTED} elements inside one another in {self.name}: give a plain URDF")
         if self.nested == 2:  # children of the robot
@@ -117,7 +122,7 @@ def urdf_model(urdf: str, key: str, what: str) -> Any:
         import pinocchio
     except ImportError:
         raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[urdf]` installs it") from None
-    text = urdf_text(urdf, key)
+    text = _with_limits(urdf_text(urdf, key))
     try:
         with silence():
             model = pinocchio.buildModelFromXML(text)
@@ -125,6 +130,21 @@ def urdf_model(urdf: str, key: str, what: str) -> Any:
     except (ValueError, RuntimeError) as error:
         raise _no_urdf(urdf, key, error) from None
     return model
+
+
+def _with_limits(text: str) -> str:
+    """Give a joint without <limit> one that limits nothing: Pinocchio reads no such joint, though none of it is needed.
+
+    Zeros stand for no range, as a missing ``lower`` and ``upper`` do.
+    """
+    robot = ElementTree.fromstring(text)  # noqa: S314 - refused before: types, depth, size
+    without = [
+        joint for joint in robot.findall("joint")
+        if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
+    ]  # fmt: skip
+    for joint in without:
+        ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
+    return ElementTree.tostring(robot, "unicode") if without else text
 
 
 def frame_number(model: Any, frame: str, urdf: str, key: str) -> int:

@@ -187,6 +187,8 @@ def test_units_that_contradict_the_robot(tmp_path, swing, change, words):
         ({"urdf_frame": "hand"}, None, "unknown frame 'hand' at recording.urdf_frame: .*link_1"),
         ({}, "<robot", "no URDF .*arm.urdf"),
         ({}, "hello", "no URDF .*arm.urdf"),
+        ({}, urdf().replace("<link", '<xacro:property name="a" value="1"/><link', 1), "run `xacro"),
+        ({}, urdf().replace(FLANGE, "0 ${a} 0"), "xacro macros in arm.urdf"),
         ({}, urdf().replace(FLANGE, "0 nan 0"), "no URDF .*arm.urdf"),
         ({}, urdf().replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "no direction in the axis of joint 'arm_2'"),
         ({}, urdf().replace('axis xyz="0 -1 0"', 'axis xyz="0 1e308 0"'), "no direction in the axis of joint 'arm_4'"),
@@ -212,13 +214,71 @@ def test_an_unknown_joint_is_named(tmp_path, swing):
         load_run(path, experiment(tmp_path).recording)
 
 
-def test_values_that_are_no_joints(tmp_path, swing):
-    t, q, v, readings = (part[:100] for part in swing)
-    bad = q.copy()
-    bad[7, 2] = np.nan
-    path = write(tmp_path / "bag", (t, bad, v, readings))
-    with pytest.raises(RunError, match="position of /joint_states in bag is not finite at sample 7"):
-        load_run(path, experiment(tmp_path).recording)
+def publish(path, swing, *publishers):
+    """Joint states of several publishers: their joints' names, positions, velocities (or None) and delay [ns]."""
+    t, _, _, readings = swing
+    kind, name, items = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped", []
+    for k in range(len(t)):
+        time = 10**9 + round(t[k] * 1e9)
+        for number, (names, q, v, delay) in enumerate(publishers):
+            velocity = np.zeros(0) if v is None else v[k]
+            head = header(STORE, time + delay, f"frame_{number}")
+            items += [
+                (time + delay, "/joint_states", kind, STORE.types[kind](head, names, q[k], velocity, np.zeros(0)))
+            ]
+        stamped = STORE.types[name](header(STORE, time, "wrist"), wrench(STORE, readings[k, :3], readings[k, 3:6]))
+        items.append((time, "/wrist", name, stamped))
+    write_rosbag2(path, sorted(items, key=lambda item: item[0]))
+    return path
+
+
+def published(q, v, case):
+    """Publishers of the same motion, as robots have them."""
+    finger = ["finger"], np.zeros((len(q), 1)), None, 300_000
+    split = (NAMES[:3], q[:, :3], None, 0), (NAMES[3:], q[:, 3:], None, 100_000)
+    missing = np.where(np.arange(len(q))[:, None] == 40, np.nan, q)
+    return {
+        "nan velocities": ((NAMES, q, np.full_like(v, np.nan), 0),),
+        "zero velocities": ((NAMES, q, np.zeros_like(v), 0),),
+        "wrapped": ((NAMES, (q + 3 + np.pi) % (2 * np.pi) - np.pi - 3, None, 0),),
+        "gripper": ((NAMES, q, None, 0), finger),
+        "two halves": split,
+        "prefix": (([f"left/{name}" for name in NAMES], q, None, 0), finger),
+        "one NaN": ((NAMES, missing, None, 0),),
+    }[case]
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+@pytest.mark.parametrize(
+    ("case", "note"),
+    [
+        ("nan velocities", ""), ("zero velocities", ""), ("wrapped", "the jumps of joint 'arm_7' by a turn"),
+        ("gripper", "1,000 messages of /joint_states without all its joints"), ("two halves", ""),
+        ("prefix", "without the recorded prefix 'left/'"), ("one NaN", "1 messages of /joint_states"),
+    ],
+)  # fmt: skip
+def test_joints_as_robots_publish_them(tmp_path, swing, case, note, gravity):
+    part = tuple(signal[:1000] for signal in swing)
+    _, q, v, _ = part
+    keys = {"urdf_gravity": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]} if gravity else {}
+    declared = experiment(tmp_path, **keys).recording
+    plain = load(publish(tmp_path / "plain", part, (NAMES, q, None, 0)), declared, band=6.0).run
+    path = publish(tmp_path / "bag", part, *published(q, v, case))
+    got = load(path, declared, band=6.0)
+    assert note in " ".join(got.assumptions)
+    at = np.linspace(0.3, 1.7, 50)  # inside both
+    for signal in ("omega", "specific_force")[: 1 + gravity]:
+        expected, values = getattr(plain, signal), getattr(got.run, signal)
+        for k in range(3):
+            reached = np.interp(at, got.run.t, values[:, k])
+            np.testing.assert_allclose(reached, np.interp(at, plain.t, expected[:, k]), atol=0.01)
+
+
+def test_a_revolute_joint_without_limits_is_read(tmp_path, swing):
+    text = urdf().replace('<limit lower="-3" upper="3" effort="1" velocity="1"/>', "")
+    path = write(tmp_path / "bag", tuple(part[:500] for part in swing), velocities=False)
+    limited, free = (load(path, experiment(tmp_path, robot).recording, band=6.0).run for robot in (None, text))
+    np.testing.assert_array_equal(free.omega, limited.omega)
 
 
 def test_without_the_extra_its_name_is_told(tmp_path, swing, monkeypatch):
