@@ -29,7 +29,7 @@ COMMENT = re.compile(r"^[#%/\s]+")
 """Characters that some programs write in front of the first name."""
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 SPELLINGS = {
-    "nm": "N*m", "newton": "N", "newtonmeter": "N*m", "newton-meter": "N*m", "nmm": "N*mm", "ncm": "N*cm",
+    "nm": "N*m", "newton": "N", "newtonmeter": "N*m", "nmm": "N*mm", "mnm": "mN*m", "ncm": "N*cm",
     "lb": "lbf", "lbs": "lbf", "pound": "lbf", "lbin": "lbf*in", "inlb": "lbf*in", "inlbf": "lbf*in",
     "lbfin": "lbf*in", "lbft": "lbf*ft", "ftlb": "lbf*ft", "ftlbf": "lbf*ft", "lbfft": "lbf*ft", "kgfm": "kgf*m",
     "kgfcm": "kgf*cm", "kgfmm": "kgf*mm", "°/s": "deg/s", "deg/sec": "deg/s", "dps": "deg/s", "rad/sec": "rad/s",

@@ -33,6 +33,7 @@ JOINT = re.compile(
     r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(?P<column>(.*_)?(actual_q|joint|position|q)_?\[?\d\]?)"
 )
 TIME = re.compile(r"(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
+COUNTER = re.compile(r"(.*_)?(packet_?counter|counter|sequence|seq)")
 RATE = re.compile(r"(?:rate|frequency)\D{1,20}?(\d+\.?\d*)", re.I)
 """Words of programs on the sample rate, above a table."""
 EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
@@ -135,10 +136,10 @@ class _Guess:
     def told(self) -> str:
         """Layout by which the table was read."""
         delimiter = {"\t": "tab", " ": "blanks"}.get(self.layout.delimiter, self.layout.delimiter)
-        above = f"{self.layout.first - 1} lines above the numbers" if self.layout.named else "no names of columns"
+        rows = f"numbers from line {self.layout.first} on"
         units = ", units stated" if any(self.layout.units) else ""
         marks = f"delimiter {delimiter}, decimal mark {self.layout.decimal}"
-        return f"{self.path.name}: {self.layout.encoding}, {marks}, {above}{units}"
+        return f"{self.path.name}: {self.layout.encoding}, {marks}, {rows}{units}"
 
     def leave(self, other: "_Guess") -> None:
         """Leave wrench or motion to another table that has it."""
@@ -202,6 +203,7 @@ class _Guess:
     def _attitude(self) -> None:
         """A quaternion or joints, by which the motion is told where no gyro is."""
         found = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
+        self.signals.pop("acceleration", None)
         if set(found) == set("wxyz"):
             self.signals["quaternion"] = [found[axis] for axis in "wxyz"]
             return
@@ -219,7 +221,10 @@ class _Guess:
             self.signals[signal] = [3 * k + 1, 3 * k + 2, 3 * k + 3]
 
     def _guessed_unit(self, signal: str) -> tuple[str, str]:
-        if signal in ("force", "moment"):
+        written = " ".join(dict.fromkeys(self.layout.units[place] for place in self.signals[signal])).strip()
+        if written:
+            return UNITS[signal], f"a guess: the table says {written}, which is no unit known here; correct it"
+        if signal in WRENCH:
             return UNITS[signal], "a guess: the table states none; inertia inspect tells a wrong one"
         values = self.table.numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
@@ -243,7 +248,16 @@ class _Guess:
         if rate is None:
             lines.add("rate", "? Hz", "the table has no times that could be read: state its sample rate")
         else:
-            lines.add("rate", f"{rate:g} Hz", "as the lines above the table state")
+            lines.add("rate", f"{rate:g} Hz", f"as the lines above the table state{self._lost()}")
+
+    def _lost(self) -> str:
+        """Lost samples that a counter among the columns tells, which a rate does not."""
+        for place, name in enumerate(self.plain):
+            if COUNTER.fullmatch(name):
+                steps = np.diff(np.asarray(self.table.frame[place], float)) % 2**16
+                jumps = int((steps != 1).sum())
+                return f"; {self.layout.written[place]} jumps {jumps} times" + ": samples are missing" * (jumps > 0)
+        return "; samples that are missing would go unseen"
 
     def _time_keys(self, lines: _Lines, place: int, rate: float | None) -> bool:
         """Add the time's keys; False: the column holds no times."""
@@ -264,7 +278,7 @@ class _Guess:
             again = self.layout.first + int(np.argmin(steps)) + 1
             lines.keys.append(f"# time {on_one_line(name)} starts again at row {again}; the rate is that of its steps")
             rate = rate or 1 / (float(np.median(steps)) * scale(self.layout.unit([place], "s") or "s", "s"))
-            lines.add("rate", f"{rate:.6g} Hz", "a guess: samples that are missing would go unseen")
+            lines.add("rate", f"{rate:.6g} Hz", f"a guess{self._lost()}")
             return True
         step, unit = float(np.median(steps[steps > 0])), self.layout.unit([place], "s")
         why = "as the table states"

@@ -127,13 +127,13 @@ class DeclaredTable:
 
     def _check_rate(self, seconds: np.ndarray, uniform: np.ndarray) -> None:
         """Refuse a rate that coarse times contradict: samples are missing, or the rate is another."""
-        off = (seconds - uniform)[np.isfinite(seconds)]
-        tick = np.abs(np.diff(seconds[np.isfinite(seconds)])).max(initial=0.0)
-        if np.ptp(off) > 1.01 * tick + 1e-9:
-            mean = (len(off) - 1) / np.ptp(seconds[np.isfinite(seconds)])
+        known = seconds[np.isfinite(seconds)]
+        off = known - uniform[np.isfinite(seconds)]
+        if np.ptp(off) > 1.01 * _resolution(known) + 1e-9:
+            mean = (len(off) - 1) / np.ptp(known)
             raise RunError(
                 f"times in {self.path.name} depart by {np.ptp(off):.3g} s from {self.declared.rate:g} Hz: correct rate "
-                f"(the times tell some {mean:.4g} Hz), or the table, which may lack samples"
+                f"(the times tell some {mean:.6g} Hz), or the table, which may lack samples"
             )
 
     @cached_property
@@ -180,13 +180,19 @@ def rate_of_coarse(t: np.ndarray) -> float | None:
     """
     if len(t) < 10 or not t[-1] > t[0]:
         return None
-    tick, count = float(np.diff(t).max()), len(t) - 1
+    tick, count = _resolution(t), len(t) - 1
     low, high = count / (t[-1] - t[0] + tick), count / max(t[-1] - t[0] - tick, tick)
     for digits in range(1, 7):
         rate = float(f"{count / (t[-1] - t[0]):.{digits - 1}e}")
         if low <= rate <= high:
             return rate
     return None
+
+
+def _resolution(t: np.ndarray) -> float:
+    """Resolution of times of which some repeat: their usual step, which no gap changes."""
+    steps = np.diff(t)
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
 
 def _dates(cells: "pd.Series", name: str, first: int) -> "pd.Series":

@@ -104,6 +104,16 @@ def test_missing_cells_leave_out_their_sensor_alone(tmp_path, values, capsys):
     assert "1 rows of t.csv without force or moment are left out" in capsys.readouterr().out
 
 
+def test_samples_that_coarse_times_lack_are_not_overlooked(tmp_path, values, capsys):
+    rows = [[f"{t:.2f}", *row] for t, row in zip(TIME, values, strict=True)]
+    (tmp_path / "t.csv").write_bytes(table(rows))
+    proposed(tmp_path, tmp_path / "t.csv")
+    (tmp_path / "t.csv").write_bytes(table(rows[:20] + rows[30:]))
+    again = ["--map", str(tmp_path / "run.map.toml"), "-o", str(tmp_path / "again.mcap")]
+    assert main(["import", str(tmp_path / "t.csv"), *again]) == 2
+    assert "from 250 Hz: correct rate" in capsys.readouterr().err
+
+
 def test_counts_and_an_imu_of_another_logger_are_joined_by_time(tmp_path, values):
     counts = [[round(1e6 * x) for x in row[:6]] for row in values]
     above = "RDT Sample Rate: 250\nForce Units: N, Counts per Unit Force: 1e6\nTorque Units: Nm, Counts per Unit Torque: 1e6\n"
