@@ -90,9 +90,11 @@ def propose(paths: Sequence[str | Path], output: Path) -> Proposal:
     text = [f"# Proposed for {' and '.join(on_one_line(table.path.name) for table in tables)}: check every line."]
     if len(tables) > 1:
         tables[1].leave(tables[0])
-        if not tables[1].signals:
-            raise RunError(f"{tables[0].path.name} tells wrench and motion: leave out {tables[1].path.name}")
     for name, table in zip(("columns", "second"), tables, strict=False):
+        if not table.signals:
+            raise RunError(
+                f"no column of {table.path.name} is needed, or known by its name: leave it out, or write a map"
+            )
         lines = table.columns()
         table.units(recording)
         text += ["", f"[{name}]", *lines.keys]

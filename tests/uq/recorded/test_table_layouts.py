@@ -186,6 +186,15 @@ def test_what_contradicts_or_lacks_is_one_line(tmp_path, values, capsys, head, u
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("first", ["t.csv", "junk.csv"])
+def test_a_table_that_tells_nothing_is_named(tmp_path, values, capsys, first):
+    (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
+    (tmp_path / "junk.csv").write_text("a,b\n1,2\n3,4\n5,6\n")
+    names = [str(tmp_path / name) for name in (first, "junk.csv" if first == "t.csv" else "t.csv")]
+    assert main(["import", *names, "-o", str(tmp_path / "run.mcap")]) == 2
+    assert "no column of junk.csv is needed" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["run.csv", "run.npz", "run.xlsx", "run.mat"])
 def test_a_table_in_place_of_a_recording_is_told_the_command(tmp_path, capsys, name):
     (tmp_path / name).write_bytes(b"PK\x03\x04")
