@@ -55,7 +55,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
     warnings = contradicts_bodies(inertia, covariance[tensor, tensor])
-    warnings += departures(value, joint_runs[0].prior.mean, pooled.beforehand)
+    declarations = departures(value, joint_runs[0].prior.mean, pooled.beforehand)
+    warnings += [declaration.text for declaration in declarations]
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     cell_may_turn = _cell_may_turn(setting)
     warnings += alignment_warnings(delay, None if cell_may_turn else rotation)
@@ -74,6 +75,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         rotation=rotation, offsets=offsets,
         mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
         budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED, lasting=_lasting(pooled, setting),
+        declarations=declarations,
     )  # fmt: skip
 
 

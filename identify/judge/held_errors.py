@@ -45,9 +45,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
     ]
-    calibrated = CALIBRATED if problem.centre is not None else ()
-    declared = {error.unknown for error in problem.errors.values() if error.shared}
-    shift = _shift(fits, added, {*ALIGNED, *calibrated, *declared, "cg_from_still"})
+    shift = pooled_change(fits, added, shared_unknowns(problem))[indices(TEN)]
     sizes = [columns.shape[2] for columns in held[0].values()]
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
@@ -99,8 +97,23 @@ def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndar
     return np.vstack([np.zeros((4, 3)), np.linalg.solve(normal, right)])
 
 
-def _shift(fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]) -> Float[np.ndarray, "10 p"]:
-    """Shift of the ten parameters by columns that are added to the lines of each run."""
+def shared_unknowns(problem: Problem) -> set[str]:
+    """Return the names of the unknowns that all runs share, as the joint estimate pools them."""
+    calibrated = CALIBRATED if problem.centre is not None else ()
+    declared = {error.unknown for error in problem.errors.values() if error.shared}
+    return {*ALIGNED, *calibrated, *declared, "cg_from_still"}
+
+
+def pooled_change(
+    fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]
+) -> Float[np.ndarray, "count p"]:
+    """Return the change of the shared unknowns by columns that are added to the lines of each run.
+
+    Args:
+        fits: of the runs, under one prior.
+        added: columns of each run, (m, rows, p).
+        shared: names of the unknowns that are the same in all; the others change by none.
+    """
     prior = fits[0].prior
     common = np.flatnonzero(prior.root[indices(shared)].any(axis=0))
     count, size = len(common), added[0].shape[2]
@@ -116,7 +129,7 @@ def _shift(fits: Sequence[RunFit], added: Sequence[np.ndarray], shared: set[str]
         cross = matrix[np.ix_(common, local)]
         normal = normal + matrix[np.ix_(common, common)] - cross @ by_local[:, :count]
         right = right + side[common] - cross @ by_local[:, count:]
-    return np.asarray(prior.root[np.ix_(indices(TEN), common)] @ _scaled_solve(normal, right))
+    return np.asarray(prior.root[:, common] @ _scaled_solve(normal, right))
 
 
 def _scaled_solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:

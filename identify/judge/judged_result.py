@@ -9,8 +9,9 @@ from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import PriorBlock, error_blocks
 from identify.joint.single_run import Setting
-from identify.judge import specification
-from identify.judge.findings import MATTERS, Finding, signed
+from identify.judge import declared_quantities, specification
+from identify.judge.evidence import Evidence
+from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import by_held_errors
 from identify.judge.resonance import ResonancePeak, resonance
@@ -63,21 +64,31 @@ def judged(result: Identification, problem: Problem) -> Identification:
         problem: that it was given.
     """
     verdicts: list[ResidualCause] = []
+    declarations, exact_errors = list(result.declarations), list[list[Evidence]]()
     shifts, held = np.zeros(6), None
     if result.seen is None:
         fits = [_fits(run, result, problem) for run in problem.runs]
         for run, run_fits in zip(problem.runs, fits, strict=True):
-            named, shift = _of_run(run, result, problem, run_fits)
+            named, shift, exact = _of_run(run, result, problem, run_fits)
             verdicts += named
+            exact_errors.append(exact)
             shifts += shift / len(problem.runs)
-        estimator_fits = [_fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
-        if all(estimator_fits):
-            held = by_held_errors(result, problem, [fit for fit in estimator_fits if fit])
-    texts = tuple(verdict.text for verdict in verdicts)
+        candidates = [_fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
+        estimator_fits = [fit for fit in candidates if fit]
+        if len(estimator_fits) == len(problem.runs):
+            held = by_held_errors(result, problem, estimator_fits)
+        if result.method != "joint":  # which has compared its own estimates with what is declared
+            errors = [error for error, fit in zip(exact_errors, candidates, strict=True) if fit]
+            declarations += declared_quantities.departing_declarations(problem, estimator_fits, errors)
+    declarations += (
+        declared_quantities.exact_declaration(cause, problem) for causes in exact_errors for cause in causes
+    )
+    texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     told = replace(
         result,
+        declarations=declared_quantities.farthest(declarations),
         consistency=(*result.consistency, *verdicts),
-        warnings=(*result.warnings, *texts),
+        warnings=(*result.warnings, *texts, *(verdict.text for verdict in verdicts)),
         by_held_errors=held,
     )
     return with_misfit(told, shifts if result.admissible is None else shifts * result.admissible.determined)
@@ -104,10 +115,10 @@ def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
 
 def _of_run(
     run: Run, result: Identification, problem: Problem, fits: list[RunFit]
-) -> tuple[list[ResidualCause], np.ndarray]:
-    """Verdicts of one run, and the sum of the shifts that they stand for."""
+) -> tuple[list[ResidualCause], np.ndarray, list[Evidence]]:
+    """Verdicts of one run, the sum of the shifts that they stand for, and errors of exact quantities without rival."""
     if not fits:
-        return saturated(run), np.zeros(6)
+        return saturated(run), np.zeros(6), []
     named: dict[Finding, FollowedCause] = {}
     judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
     for judgement in judgements:
@@ -115,23 +126,20 @@ def _of_run(
             named.setdefault(cause.evidence.cause.finding, cause)
     if result.method != "joint":
         named = {finding: cause for finding, cause in named.items() if finding not in OF_ACCELEROMETER}
+    exact = declared_quantities.exact_quantities(problem)
     left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
     verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
-    for cause in named.values():
+    for finding, cause in named.items():
         shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))
         small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
-        if small and left_over < UNEXPLAINED:
+        if small and left_over < UNEXPLAINED and finding not in exact:
             continue
-        text = (
-            f"{run.name}: {cause.sentence(quantity)}; it would move {COMPONENTS[worst]} by "
-            f"{signed(GRAM_METRE * shift[worst])} g·m²"
-        )
+        moves = f"; it would move {COMPONENTS[worst]} by {signed(GRAM_METRE * shift[worst])} g·m²"
+        text = f"{run.name}: {cause.sentence(quantity)}{moves if ratio[worst] > ROUNDING else ''}"
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
-        verdicts.append(
-            cause.evidence.cause.finding.verdict(run.name, axis=f"b{axis + 1}", share=cause.evidence.share, text=text)
-        )
+        verdicts.append(finding.verdict(run.name, axis=f"b{axis + 1}", share=cause.evidence.share, text=text))
         total = total + shift
     if not named and not verdicts:
         apart = specification.difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
@@ -147,7 +155,8 @@ def _of_run(
         mounting_effect = _of_mounting(fits[0], peak, result.inertia)
         lines = lines or [peak.verdict(run, _adds(mounting_effect))]
         total = np.hypot(total, mounting_effect)
-    return verdicts + lines, total
+    alone = [cause.evidence for finding, cause in named.items() if finding in exact and not cause.rivals]
+    return verdicts + lines, total, alone
 
 
 def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:

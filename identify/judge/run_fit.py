@@ -74,6 +74,8 @@ class RunFit:
     """Change of the residuals by a unit of each of the prior's q coordinates."""
     z: Float[np.ndarray, " q"]
     """Coordinates at which ``prediction`` was made."""
+    best: Float[np.ndarray, " q"]
+    """Coordinates that leave ``residuals``."""
 
     def transformed(self, columns: Columns) -> Float[np.ndarray, "m rows p"]:
         """Return the lines of changes of the wrench."""
@@ -116,7 +118,8 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         change = _solved(normal, right)
         remaining = at.residuals - at.columns @ change
         fit = RunFit(
-            prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z
+            prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z,
+            best=z + change,
         )  # fmt: skip
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)
         if step > 1 and (near or setting.specific_force == "none"):

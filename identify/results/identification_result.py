@@ -14,6 +14,7 @@ from identify.reporting import Result
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
 from identify.results.contributions import contributions
+from identify.results.declaration import Declaration, contradicted, status
 from identify.results.discordance import Discordance
 from identify.results.held_out_result import HeldOut
 from identify.results.residual_cause import ResidualCause
@@ -64,6 +65,8 @@ class Identification(Result):
     """Contributions to each component's standard uncertainty [kg·m²], by name; None: none are declared."""
     consistency: tuple[ResidualCause, ...] = ()
     """Causes that each run's residuals follow."""
+    declarations: tuple[Declaration, ...] = ()
+    """Declared quantities that the runs place far from what was declared of them."""
     misfit: np.ndarray | None = None
     """Shift by what the runs contradict, which counts as a standard uncertainty [kg·m²]; None: none."""
     mass_uncertainty: float | None = None
@@ -119,6 +122,11 @@ class Identification(Result):
         if self.mass_covariance is not None:
             covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
         return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
+
+    @property
+    def contradicted(self) -> str:
+        """Clause that names the declared quantities that the runs contradict; '': none."""
+        return contradicted(self.declarations)
 
     @property
     def measured(self) -> InertialParameters:
@@ -182,6 +190,7 @@ class Identification(Result):
         wide = None if self.undeclared is None else self.with_undeclared
         content = {
             **self.form(),
+            "status": status(self.contradicted),
             "unit": "kg*m^2",
             "about": "CG",
             "frame": "body",
@@ -225,6 +234,7 @@ class Identification(Result):
             "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
             "not_included": None if self.undeclared is None else self.undeclared.to_dict(),
+            "declarations": [declaration.to_dict() for declaration in self.declarations],
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),
             "assumptions": list(self.assumptions),

@@ -10,6 +10,7 @@ import numpy as np
 from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
 from identify.reporting import Result, plain
+from identify.results.declaration import status
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.rounding import common, significant
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
@@ -17,6 +18,8 @@ from uq.bodies.exported_body import ExportedBody, principal_axes
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
+CHECK = "check signs, frames and r_CG, or record a motion that tells more"
+CORRECT = "correct what is declared, or declare what else acts"
 FAR = 3.0
 """Standard uncertainties from the data beyond which the nearest body is not exported."""
 
@@ -70,12 +73,13 @@ def export(
         result: an :class:`identify.Identification`, or :class:`identify.InertialParameters`.
         formats: names of :mod:`uq.bodies.export_formats`, or one string of them with commas.
         folder: where to write them, all or none; None: they are only made.
-        force: export a tensor that no body has, or a fit to bodies that is far from the data, with a warning.
+        force: export a tensor that no body has, a fit to bodies that is far from the data, or what the runs contradict,
+            with a warning.
 
     Raises:
         ExperimentError: no format, or one that there is not.
-        RunError: the mass is not known; or, unless forced, no body has this tensor or it is a fit to bodies all of
-            which are farther than three standard uncertainties from the data.
+        RunError: the mass is not known; or, unless forced, the runs contradict what is declared, no body has this
+            tensor, or it is a fit to bodies all of which are farther than three standard uncertainties from the data.
         OSError: the folder cannot be written.
     """
     wanted = {name: export_format(name) for name in chosen(formats)}
@@ -92,18 +96,18 @@ def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
     parameters, frame = _parameters(result)
     _refuse_unknown(parameters)
     weak, tare = getattr(result, "admissible", None), getattr(result, "tare", None)
-    doubt = _doubt(parameters, 0.0 if weak is None else weak.distance)
-    if doubt and not force:
-        raise RunError(
-            f"{doubt}, so it is not exported: check signs, frames and r_CG, or record a motion that tells more; "
-            "if it is wanted all the same: --force exports it"
-        )
+    contradicted = getattr(result, "contradicted", "")
+    no_body = _doubt(parameters, 0.0 if weak is None else weak.distance)
+    doubts = [(doubt, cure) for doubt, cure in ((contradicted, CORRECT), (no_body, CHECK)) if doubt]
+    if doubts and not force:
+        doubt, cure = doubts[0]
+        raise RunError(f"{doubt}, so it is not exported: {cure}; if it is wanted all the same: --force exports it")
     fitted = () if weak is None else (f"the data are weak and the exported tensor is a fit to bodies: {weak.reason}",)
-    warnings = (*([doubt] if doubt else []), *fitted)
+    warnings = (*(doubt for doubt, _ in doubts), *fitted)
     runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
     runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]
     notes = tuple(_notes(parameters, frame, runs, warnings))
-    content = {"frame": frame} | _content(parameters, runs, warnings)
+    content = {"frame": frame, "status": status(contradicted)} | _content(parameters, runs, warnings)
     return ExportedBody(
         mass=float(parameters.mass), r_cg=parameters.r_cg, inertia=parameters.inertia, notes=notes, content=content
     ), warnings

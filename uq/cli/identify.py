@@ -61,7 +61,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
     formats = ", ".join(export_formats.names())
     parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {formats}")
-    parser.add_argument("--force", action="store_true", help="export a tensor that is no body's, with a warning")
+    parser.add_argument(
+        "--force", action="store_true", help="export what is no body's or what the runs contradict, with a warning"
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
 
 

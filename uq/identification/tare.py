@@ -136,6 +136,11 @@ def tared(
     half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
+    tare_declarations = (
+        ()
+        if identified is None
+        else tuple(record._replace(words=f"tare: {record.words}") for record in identified.declarations)
+    )
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
     body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
@@ -157,6 +162,7 @@ def tared(
         centre_from=LEFT,
         lasting={},
         undeclared=_undeclared(result, identified, jacobian),
+        declarations=(*result.declarations, *tare_declarations),
         warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
         assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
         tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),

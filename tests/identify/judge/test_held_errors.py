@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from identify.joint.joint_model import COUNT, SLICES
-from identify.joint.priors import Prior
-from identify.judge.held_errors import _shift
+from identify.joint.joint_model import COUNT, SLICES, TEN
+from identify.joint.priors import Prior, indices
+from identify.judge.held_errors import pooled_change
 from identify.judge.run_fit import RunFit
 
 PLACES = {"r_cg": slice(0, 3), "inertia": slice(3, 9), "moment_offset": slice(9, 12)}
@@ -27,7 +27,7 @@ def test_runs_share_the_body_and_its_prior_and_have_their_own_offsets():
     """Least squares on the rows of both runs and one prior of r_CG, an offset for each run: the same to rounding."""
     rng = np.random.default_rng(5)
     columns, added = (rng.standard_normal((2, 40, 6, count)) for count in (12, 4))
-    shift = _shift([fit_of(of_run) for of_run in columns], list(added), {"r_cg", "inertia"})
+    shift = pooled_change([fit_of(of_run) for of_run in columns], list(added), {"r_cg", "inertia"})[indices(TEN)]
     rows, sides = columns.reshape(2, 240, 12), added.reshape(2, 240, 4)
     apart = [np.hstack([run[:, :9], *(run[:, 9:] * (k == own) for own in (0, 1))]) for k, run in enumerate(rows)]
     prior = np.eye(3, 15)

@@ -265,6 +265,19 @@ def test_a_tensor_far_from_every_body_is_exported_by_force_only(tmp_path):
     assert float(re.search(r'izz="([^"]+)"', made.contents["body.urdf"])[1]) == far.inertia[5]
 
 
+def test_what_the_runs_contradict_is_exported_by_force_only(tmp_path):
+    words = "the runs contradict what is declared of mass (8.5 u off)"
+    doubtful = result(BODIES["general"], contradicted=words)
+    with pytest.raises(RunError, match=r"declared of mass \(8\.5 u off\), so it is not .*: --force exports it"):
+        export(doubtful, "urdf", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    made = export(doubtful, names(), force=True)
+    assert made.warnings == (words,)
+    assert f"warning: {words}" in made.contents["body.urdf"]
+    statuses = [export(one, "json", force=True).contents["body.json"] for one in (doubtful, result(BODIES["general"]))]
+    assert [json.loads(text)["status"] for text in statuses] == ["contradicted", "not contradicted"]
+
+
 def test_a_fit_far_from_what_the_data_say_is_exported_by_force_only(tmp_path):
     fitted = result(BODIES["general"], admissible=SimpleNamespace(reason="no body has it", distance=3.4))
     with pytest.raises(RunError, match=r"nearest body lies 3\.4 standard uncertainties .*: --force exports it"):

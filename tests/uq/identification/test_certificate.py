@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from identify.estimators.admissible_tensor import Admissible
+from identify.joint.prior_departure import declaration
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
 from identify.results.undeclared import Effect, Undeclared
@@ -301,6 +302,22 @@ def test_nothing_passes_while_u_rests_on_typical_figures(full, part, passes):
     assert ("U rests on typical figures" in page or "is not known" in page) is not passes
     assert ("I11: undecided while undeclared errors are not known." in page) is bool(np.isnan(part))
     assert ("Conforms with drawing 4: I11." in page) is not np.isnan(part)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize(("off", "passes"), [(4.9, True), (5.1, False)])
+def test_nothing_is_certified_where_the_runs_contradict_what_is_declared(full, off, passes):
+    mass = declaration("mass", 0, 19.7 + off * 0.01, 19.7, 0.01)
+    result = dataclasses.replace(declared(full), warnings=(), pooling=None, declarations=(mass,))
+    certificate = Certificate(reported(result, **{**full.provenance["report"], "conformity": LIMITS}))
+    assert certificate.to_dict()["status"] == ("not contradicted" if passes else "contradicted")
+    assert [decision.outcome for decision in certificate.decisions] == ["conforms" if passes else "undecided"]
+    shown = " ".join(Reader(result_of(page(certificate))).text)
+    assert ("is passed" in shown) is passes
+    words = "The runs contradict what is declared of mass (5.1 u off): no interval is certified."
+    assert (words in shown) is not passes
+    assert ("I11: undecided while the runs contradict what is declared." in shown) is not passes
+    assert any(note.startswith("contradicted: the runs") for note in certificate.notes()) is not passes
 
 
 @pytest.mark.usefixtures("blank_pictures")

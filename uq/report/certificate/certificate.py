@@ -54,12 +54,15 @@ class Certificate(Result):
 
     @cached_property
     def decisions(self) -> list[Decision]:
-        """Decision on each component with limits; none is passed while undeclared errors are not known."""
-        rule, t = self.report.conformity, self.tensor
+        """Decision on each component with limits.
+
+        None is made where the runs contradict what is declared; none is passed while undeclared errors are not known.
+        """
+        rule, t, result = self.report.conformity, self.tensor, self.identification
         decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
         return [
             replace(decision, outcome="undecided", probability=np.nan)
-            if self.identification.undeclared is None and decision.outcome == "conforms"
+            if result.contradicted or (result.undeclared is None and decision.outcome == "conforms")
             else decision
             for decision in decisions
         ]
@@ -145,9 +148,10 @@ class Certificate(Result):
         )
 
     def verdict(self) -> str:
-        """Return the statement of conformity, if one is asked for, and whether checks are passed and items stated."""
+        """Return what is contradicted, the statement of conformity, and whether checks are passed and items stated."""
         rule, outcomes = self.report.conformity, {decision.component: decision.outcome for decision in self.decisions}
-        texts = []
+        contradicted = self.identification.contradicted
+        texts = [sentence(f"{contradicted}: {NO_INTERVAL}")] if contradicted else []
         if rule is not None and set(outcomes.values()) == {"conforms"}:
             texts.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
@@ -166,7 +170,7 @@ class Certificate(Result):
             for row in self.checks[:-1]
             if row[-1] != checks.WITHIN and row[0] != checks.UNDECLARED
         ]
-        why = {"undecided": UNDECIDED} if self.identification.undeclared is None else {}
+        why = {"undecided": self._undecided} if self._undecided else {}
         others = [
             f"{decision.component}: {decision.outcome} {why.get(decision.outcome, 'by the decision rule')}."
             for decision in self.decisions
@@ -176,6 +180,13 @@ class Certificate(Result):
         where = map(sentence, identification_view.explained(self.identification))
         items = [f"Not stated: {', '.join(self.missing)}."] if self.missing else []
         return [*self._typical(), *others, *warnings, *([] if warnings else failed), *where, *items]
+
+    @property
+    def _undecided(self) -> str:
+        """Why no decision is made, whatever the rule; '': the rule decides."""
+        if self.identification.contradicted:
+            return CONTRADICTED
+        return UNDECIDED if self.identification.undeclared is None else ""
 
     def _typical(self) -> list[str]:
         """Return how much of U rests on typical figures, where that is too much for a tick."""
@@ -200,6 +211,8 @@ def _decision_rule(report: Report) -> list[str]:
 
 CURE = "Declare it as [[source]], or state your figure in [undeclared], false for none."
 UNDECIDED = "while undeclared errors are not known"
+CONTRADICTED = "while the runs contradict what is declared"
+NO_INTERVAL = "no interval is certified"
 UNCERTAINTY = (
     "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
     "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the "

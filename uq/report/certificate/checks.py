@@ -33,6 +33,7 @@ def rows(result: Identification) -> list[list[str]]:
     causes = sorted({verdict.cause for verdict in result.consistency})
     what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
     checks.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
+    checks.append(_declared(result))
     checks.append(undeclared(result))
     checks.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
     return checks
@@ -50,6 +51,13 @@ def _admissible(result: Identification) -> list[str]:
     slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
     what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
     return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
+
+
+def _declared(result: Identification) -> list[str]:
+    """Return the check of what is declared against the runs."""
+    names = [record.name for record in result.declarations if record.contradicted]
+    what = f"declared quantities that the runs contradict{': ' if names else ''}{', '.join(names)}"
+    return [what, f"{len(names)}", "0", _verdict(not names)]
 
 
 def undeclared(result: Identification) -> list[str]:

@@ -25,6 +25,8 @@ MOST_DRAWN = 4
 """Runs whose residuals are drawn."""
 MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
+UNCERTIFIED = "no interval is certified, and an export needs --force"
+"""What follows where the runs contradict what is declared."""
 WIDE = "with undeclared errors"
 """Heading of the second interval."""
 
@@ -132,6 +134,7 @@ def notes(result: Identification) -> list[str]:
     axes = principal_axes(result.inertia, result.covariance).note
     bodies = None if result.admissible is None else result.admissible.note
     return [
+        *([f"contradicted: {result.contradicted}; {UNCERTIFIED}"] if result.contradicted else []),
         *_used(result.runs),
         *_alignment(result),
         *([] if result.tare is None else [_without(result.tare, result.parameters)]),
