@@ -1,4 +1,4 @@
-"""What the runs say of declared quantities that the estimator takes as declared."""
+"""Comparison of declared quantities with the runs, where the estimator takes them as declared."""
 
 from collections.abc import Iterable, Sequence
 

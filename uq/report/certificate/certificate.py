@@ -183,7 +183,7 @@ class Certificate(Result):
 
     @property
     def _undecided(self) -> str:
-        """Why no decision is made, whatever the rule; '': the rule decides."""
+        """Reason why no decision is made, whatever the rule; '': the rule decides."""
         if self.identification.contradicted:
             return CONTRADICTED
         return UNDECIDED if self.identification.undeclared is None else ""

@@ -26,7 +26,7 @@ MOST_DRAWN = 4
 MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
 UNCERTIFIED = "no interval is certified, and an export needs --force"
-"""What follows where the runs contradict what is declared."""
+"""Consequence of runs that contradict what is declared."""
 WIDE = "with undeclared errors"
 """Heading of the second interval."""
 
