@@ -2,7 +2,7 @@
 
 A cell is one clean run of tests/helpers/laboratory.py with one wrong declaration, identified from its file and experiment.
 
-    python -m tests.helpers.declared_study --runs 3    # 4 minutes of processor time
+    python -m tests.helpers.declared_study --runs 2    # some minutes of processor time
 """
 
 import argparse
@@ -95,7 +95,7 @@ def row(case: Wrong, runs: int) -> str:
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=3, help="of each case and method")
+    parser.add_argument("--runs", type=int, default=2, help="of each case and method")
     asked = parser.parse_args(arguments)
     begin()
     print(f"| of {asked.runs} runs, {'/'.join(METHODS)} | named | contradicted |\n|---|---|---|")
