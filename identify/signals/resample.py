@@ -22,6 +22,8 @@ JITTER_WARNING = 0.05
 """Standard deviation of the intervals, as a part of their mean, that is worth a warning."""
 GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
+SPARSE = 1000
+"""Duration, in sample intervals for each sample, beyond which a clock has jumped: an hour's pause is no more."""
 UNEQUAL = 1.2
 """Ratio of two rates beyond which the faster sensor would alias into the slower one's band."""
 AT_SAMPLES = {3: np.array([1, 4, 1]) / 6, 5: np.array([1, 26, 66, 26, 1]) / 120}
@@ -131,6 +133,20 @@ def below(
         uniform.append(at[half : len(at) - half])
         reach = max(reach, half * interval)
     return uniform, filtered, reach
+
+
+def refuse_jump(channel: str, t: np.ndarray, name: str) -> None:
+    """Refuse instants with a gap so long that its uniform samples would fill the memory.
+
+    Raises:
+        RunError: they last longer than ``SPARSE`` intervals for each sample.
+    """
+    if t[-1] - t[0] > SPARSE * len(t) * interval(t):
+        steps = np.diff(t)
+        raise RunError(
+            f"time of the {channel} in {name} jumps by {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s: "
+            "use the other clock or record again"
+        )
 
 
 def jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:

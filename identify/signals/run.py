@@ -11,7 +11,18 @@ from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
 from identify.signals.power_spectrum import motion_band
-from identify.signals.resample import UNEQUAL, below, beside, gaps, in_gap, interpolate, interval, is_uniform, jitter
+from identify.signals.resample import (
+    UNEQUAL,
+    below,
+    beside,
+    gaps,
+    in_gap,
+    interpolate,
+    interval,
+    is_uniform,
+    jitter,
+    refuse_jump,
+)
 from identify.signals.segments import runs_of_true
 from identify.signals.shaped_noise import ShapedNoise
 
@@ -22,6 +33,8 @@ NOTHING = (np.array([]), np.array([]))
 """No bad instants of either sensor."""
 LARGEST = 1e12
 """The most that a signal may be, in SI units: far beyond any sensor, and its fourth power still a number."""
+SMALLEST = 1e-60
+"""The least that the largest reading of a signal may be, unless it is 0: its fourth power is still a number."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +177,8 @@ class Run:
                 f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
+        for sensor, times in (("wrench", at), ("angular velocity", at_imu)):
+            refuse_jump(sensor, times, name)
         intervals = [interval(times) for times in (at, at_imu)]
         step, unequal = max(intervals), max(intervals) > UNEQUAL * min(intervals)
         sensors = {"wrench": at, "angular velocity": at_imu}
@@ -292,9 +307,12 @@ def refuse_excess(signal: str, values: np.ndarray, name: str) -> None:
     """Refuse readings beyond any sensor, whose squares would be no numbers.
 
     Raises:
-        RunError: a reading is larger than ``LARGEST``.
+        RunError: a reading is larger than ``LARGEST``, or all are below ``SMALLEST``.
     """
     size = np.abs(values).reshape(len(values), -1).max(axis=1)
+    size[~np.isfinite(size)] = 0  # another refusal's
     if len(size) and size.max() > LARGEST:
-        at = f"{size.max():.1e} in SI units at sample {int(np.argmax(size))}"
+        at = f"{size.max():.1e} at sample {int(np.argmax(size))}"
         raise RunError(f"{signal} in {name} is {at}: no sensor reads so much, remove such samples first")
+    if len(size) and 0 < size.max() < SMALLEST:
+        raise RunError(f"{signal} in {name} is at most {size.max():.1e}: correct its unit or scale")

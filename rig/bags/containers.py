@@ -62,6 +62,11 @@ class McapFile(ContainerFile):
         """The file's hash, once all its batches are taken."""
         return self._scanner.sha256
 
+    @property
+    def rest(self) -> int:
+        """Bytes behind the file's end mark, which nobody reads, once all its batches are taken."""
+        return self._scanner.rest
+
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """All messages, chunk by chunk."""
         with open(self.path, "rb") as stream:

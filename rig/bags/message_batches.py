@@ -30,6 +30,11 @@ class ContainerFile(ABC):
         with open(self.path, "rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
 
+    @property
+    def rest(self) -> int:
+        """Bytes behind the file's end mark, which nobody reads, once all its batches are taken."""
+        return 0
+
     @abstractmethod
     def batches(self, definitions: Definitions, types: set[str]) -> Iterator[Batch]:
         """The messages, at least those of these types, chunk by chunk; fills ``definitions`` on the way."""

@@ -23,7 +23,8 @@ PathLike = str | os.PathLike[str]
 Topics = Mapping[str, str | None]
 """The one topic to take of each message type, or None for all of the type."""
 
-
+SET_BACK = 100_000_000
+"""Step back of a topic's log times [ns] beyond which a clock was set back: a recorder writes a topic as it comes."""
 MOST_PUBLISHERS = 20
 """Sets of joints that the messages of one topic name: arm, gripper, base, head."""
 
@@ -36,6 +37,8 @@ class TopicMessages:
         self.frames: set[str] = set()
         self.chunks: dict[tuple[str, ...], dict[str, list[NDArray]]] = {}
         """Columns of the messages that name the same joints, by these joints."""
+        self.checked: dict[tuple[str, ...], int] = {}
+        """Chunks of each whose log times were checked."""
 
     def add(self, groups: list[DecodedMessages]) -> None:
         """Take decoded messages of one chunk."""
@@ -57,6 +60,23 @@ class TopicMessages:
         """Names of the joints of all messages."""
         return tuple(dict.fromkeys(name for names in self.chunks for name in names))
 
+    def check_clock(self, file: PathLike, topic: str) -> None:
+        """Refuse log times that step back within the file that was taken last: sorted, they would interleave.
+
+        Raises:
+            RigError: they do.
+        """
+        for names, columns in self.chunks.items():
+            parts = columns["log_time"][self.checked.get(names, 0) :]
+            self.checked[names] = len(columns["log_time"])
+            times = np.concatenate(parts) if parts else np.zeros(0)
+            back = np.maximum.accumulate(times) - times
+            if len(back) and back.max() > SET_BACK:
+                raise RigError(
+                    f"log times of {listed([topic])} in {file} step back by {back.max() * 1e-9:.3f} s at message "
+                    f"{int(np.argmax(back > SET_BACK))}: record again, or, if no clock was set back, use `mcap sort`"
+                )
+
     def arrays(self) -> dict[str, NDArray]:
         """Every column of the topic in the order of ``log_time``; the chunks are released one by one.
 
@@ -76,11 +96,12 @@ class TopicMessages:
 
 
 class Contents:
-    """Content that ``load`` returns: the topics by name, the metadata and the hash."""
+    """Content that ``load`` returns: the topics by name, the metadata, the hash, and the bytes behind the end."""
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
         self.sha256 = ""
+        self.rest = 0
         self.metadata: dict[str, dict[str, str]] = {}
         self.types: dict[str, str] = {}
         self.topics: dict[str, TopicMessages] = {}
@@ -94,6 +115,8 @@ class Contents:
                 raise
             except (ValueError, OverflowError) as error:
                 raise file.damage(str(error)) from error
+        for topic, messages in self.topics.items():
+            messages.check_clock(file.name, topic)
         self.types |= {channel.topic: type_of(channel, definitions) for channel in definitions.channels.values()}
         self.metadata |= definitions.metadata
 
@@ -219,5 +242,6 @@ def load(path: PathLike, *, only: Topics | None = None) -> Contents:
     contents, files = Contents(path), recording_files(path)
     for file in files:
         contents.take(file, Definitions(), {WRENCH: None, IMU: None} if only is None else only)
+        contents.rest += file.rest
     contents.sha256 = recording_sha256(path, files)
     return contents

@@ -46,8 +46,11 @@ def channel_findings(channel: SensorChannel, skew: float) -> Iterator[TopicFindi
     yield from _clock(channel, skew)
     for name, values in _columns(channel).items():
         yield from _finite(channel.topic, name, values)
-        yield from _held(channel.topic, name, values)
-        yield from _saturated(channel.topic, name, values)
+        yield from _excess(channel.topic, name, values)
+        usable = values[(np.abs(values) <= LARGEST_READING).all(axis=1)]
+        yield from _constant(channel.topic, name, usable)
+        yield from _held(channel.topic, name, usable)
+        yield from _saturated(channel.topic, name, usable)
 
 
 def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
@@ -119,6 +122,37 @@ def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Topi
     bad = int((~np.isfinite(values)).any(axis=1).sum())
     if bad:
         yield TopicFinding("not finite", topic, f"{name} is not a number in {bad} samples: leave them out")
+
+
+LARGEST_READING = 1e12  # in any unit, far beyond any sensor; `identify` refuses more
+
+
+def _excess(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+    size = np.abs(values).max(axis=1)
+    wild = np.isfinite(size) & (size > LARGEST_READING)
+    if wild.any():
+        yield TopicFinding(
+            "excess",
+            topic,
+            f"{name} reaches {size[wild].max():.1e}, which no sensor reads, in {int(wild.sum())} samples: "
+            "leave them out",
+        )
+
+
+def _constant(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+    """A signal without any change: real ones have noise. An IMU without an accelerometer sends zeros."""
+    if len(values) < LEAST_SAMPLES or (name == "acceleration" and not values.any()):
+        return
+    constant = np.ptp(values, axis=0) == 0
+    if constant.all():
+        level = ", ".join(f"{value:.6g}" for value in values[0] + 0.0)
+        yield TopicFinding("constant", topic, f"{name} stays at ({level}) throughout: check sensor and driver")
+    for axis in np.flatnonzero(constant & values.any(axis=0)) if not constant.all() else ():
+        yield TopicFinding(
+            "constant",
+            topic,
+            f"{name} {'xyz'[axis]} stays at {values[0, axis]:.6g} throughout: check sensor and driver",
+        )
 
 
 HELD_LIMIT = 0.2  # repeats of all three axes at once are rare with any noise; one in five is a slower source

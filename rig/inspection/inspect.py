@@ -91,6 +91,9 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
     held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
     held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}
+    if contents.rest:
+        text = f"{contents.rest} bytes behind its end, which are not read: copy the file again"
+        report.findings.append(TopicFinding("rest", report.file, text))
     report.findings += [
         TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
         for kinds in (WRENCHES, MOTIONS)

@@ -28,7 +28,7 @@ BLOCK = 2**20
 UNREAD = frozenset(map(int, (Opcode.ATTACHMENT, Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX)))
 """Records whose bytes count only for the checksums."""
 DEFINITION = 4096
-"""Bytes that such a record counts for, however short it is: the objects that it becomes, and the time."""
+"""Bytes that a record other than a message counts for, however short it is: the objects that it becomes, the time."""
 KNOWN = {int(opcode) for opcode in Opcode}
 RECORD_HEADER = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<BQHIQQ")
@@ -111,6 +111,11 @@ class Scanner:
         """The hash of everything read so far, in hexadecimal."""
         return self._hash.hexdigest()
 
+    @property
+    def rest(self) -> int:
+        """The number of bytes that are not read yet."""
+        return self._size - self.position
+
     def __iter__(self) -> Iterator[Record]:
         """The records up to and with the footer."""
         if self._take(min(8, self._size)) != MAGIC:
@@ -128,7 +133,11 @@ class Scanner:
     def _next(self) -> Record:
         position = self.position
         opcode, length = RECORD_HEADER.unpack(self._take(9))
-        if length > self.budget.piece and length <= self._size - self.position:
+        if not opcode:
+            raise damage(self.path, position, "no record has the opcode 0")
+        if opcode != Opcode.MESSAGE:
+            self.budget.take(DEFINITION)
+        if length > self.budget.piece and length <= self.rest:
             if opcode not in UNREAD and opcode in KNOWN:
                 raise self.budget.exceeded()
             for start in range(0, length, BLOCK):
@@ -137,7 +146,7 @@ class Scanner:
         return Record(position, opcode, self._take(length))
 
     def _take(self, count: int) -> bytes:
-        data = self._stream.read(count) if count <= self._size - self.position else b""
+        data = self._stream.read(count) if count <= self.rest else b""
         if len(data) != count:
             raise damage(self.path, self.position, "it ends early")
         self.position += count

@@ -62,8 +62,9 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)
     findings = list(findings)
+    wild = {finding.topic for finding in findings if finding.kind in ("not finite", "excess")}
     for imu in imus:
-        if len(imu.stamp) >= LEAST_SAMPLES:
+        if len(imu.stamp) >= LEAST_SAMPLES and imu.topic not in wild:  # of such values nothing can be computed
             findings += [
                 TopicFinding(*contradiction) for contradiction in imu_findings(_imu_signal(imu, origin), imu.topic)
             ]

@@ -121,11 +121,14 @@ class _Channels:
     ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
-        self.wrench = np.hstack(rig.wrench(wrench))
-        self.motion = np.hstack(rig.motion(imu))
-        for signal, values in (("wrench", self.wrench), ("motion", self.motion)):
-            refuse_excess(signal, values, bag.path.name)
         raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
+        for signal, values in zip(("wrench", "motion"), raw, strict=True):
+            refuse_excess(signal, values, bag.path.name)
+        if (raw[0] == raw[0][0]).all():
+            raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
+        with np.errstate(invalid="ignore"):  # what is not finite is refused with its sample
+            self.wrench = np.hstack(rig.wrench(wrench))
+            self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True

@@ -174,6 +174,18 @@ def test_a_chunk_of_nothing_but_channels(tmp_path):
     refused("too much to unpack", "inspect", path)
 
 
+@pytest.mark.parametrize(("opcode", "words"), [(0, "no record has the opcode 0"), (0x81, "too much to unpack")])
+def test_records_of_nothing(tmp_path, opcode, words):
+    """Nine bytes each; to step through 100 MB of them would take a minute."""
+    path = tmp_path / "nothing.mcap"
+    path.write_bytes(MAGIC + RECORD_HEADER.pack(opcode, 0) * 100_000)
+    with open(path, "rb") as stream:
+        scanner = Scanner(path, stream)
+        with pytest.raises(RigError, match=words):
+            list(scanner)
+        assert scanner.position < 300_000
+
+
 def test_a_chunk_of_short_records_of_an_unused_kind(tmp_path):
     data = record(0x80, bytes(2)) * (2**26 // 12)
     path = mcap(tmp_path / "bomb.mcap", chunk(zstandard.compress(data), len(data), "zstd"))

@@ -10,6 +10,7 @@ import pytest
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
+from rig.exceptions import RigError
 from tests.helpers.rig_samples import SHARED
 from uq.cli.main import main
 from uq.inspection.inspect_run import inspect_run
@@ -51,6 +52,12 @@ def held(values, share, seed=3):
     return values
 
 
+def one_wild(values, reading):
+    values = values.copy()
+    values[100, 0] = reading
+    return values
+
+
 def without(channel, keep):
     arrays = ("log_time", "stamp", "force", "moment", "angular_velocity", "linear_acceleration")
     return replace(channel, **{name: getattr(channel, name)[keep] for name in arrays if hasattr(channel, name)})
@@ -82,6 +89,11 @@ DEFECTS = {
         "imu",
         lambda c: replace(c, angular_velocity=np.where(c.stamp[:, None] % 7, c.angular_velocity, np.nan)),
     ),
+    "a reading of 1e300": ("excess", "imu", lambda c: replace(c, angular_velocity=one_wild(c.angular_velocity, 1e300))),
+    "readings of ±1e15": ("excess", "wrench", lambda c: replace(c, force=one_wild(c.force, -1e15))),
+    "a constant force": ("constant", "wrench", lambda c: replace(c, force=np.full_like(c.force, 1.5))),
+    "no moment at all": ("constant", "wrench", lambda c: replace(c, moment=np.zeros_like(c.moment))),
+    "a stuck axis": ("constant", "wrench", lambda c: replace(c, force=c.force * [1, 0, 1] + [0, 3, 0])),
 }
 
 
@@ -111,6 +123,40 @@ def test_each_planted_defect_is_found(tmp_path, name):
     # accelerometer axes that are not the gyro's do not fit the wrench either
     also = {"/wrench", "/imu"} if kind == "axes" else set()
     assert {finding.topic for finding in report.findings} <= {"/" + which} | also
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_nothing_can_be_computed_of_is_not_judged(tmp_path):
+    """A gyro that turns "inf times" faster than gravity would be called one in deg/s."""
+    wrench, imu = clean()
+    for reading in (1e300, np.inf):
+        wild = replace(imu, angular_velocity=one_wild(imu.angular_velocity, reading))
+        runs.write(tmp_path / "run.mcap", wrench=wrench, imu=wild, overwrite=True)
+        (finding,) = inspect_run(tmp_path / "run.mcap").findings
+        assert finding.kind == ("excess" if reading < np.inf else "not finite")
+
+
+def test_an_imu_without_an_accelerometer_is_not_suspicious(tmp_path):
+    wrench, imu = clean()
+    bare = replace(imu, linear_acceleration=np.zeros_like(imu.linear_acceleration))
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=bare)
+    assert "constant" not in {finding.kind for finding in inspect_run(tmp_path / "run.mcap").findings}
+
+
+def test_bytes_behind_the_end_are_counted(tmp_path):
+    wrench, imu = clean()
+    runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu)
+    with open(tmp_path / "run.mcap", "ab") as file:
+        file.write(bytes(1234))
+    assert "1234 bytes behind its end" in str(inspect_run(tmp_path / "run.mcap"))
+
+
+def test_a_clock_that_was_set_back_is_refused(tmp_path):
+    """In the order of their times its samples would stand between those before: smooth, and of no motion."""
+    back = lambda c: replace(c, **{n: getattr(c, n) - 10**9 * (np.arange(6000) >= 3000) for n in ("stamp", "log_time")})  # noqa: E731
+    runs.write(tmp_path / "run.mcap", **dict(zip(("wrench", "imu"), map(back, clean()), strict=True)))
+    with pytest.raises(RigError, match=r"^log times of /wrench in .* step back by 0\.998 s at message 3000: record"):
+        inspect_run(tmp_path / "run.mcap")
 
 
 def test_an_imported_run_is_cured_in_its_map(tmp_path):

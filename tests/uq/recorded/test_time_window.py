@@ -19,6 +19,7 @@ from tests.helpers.recordings import Signals, declare, write
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.identification.identify_files import identify_files
+from uq.recorded.load_run import load_run
 from uq.recorded.message_times import instants
 from uq.recorded.time_window import TimeWindow, resolve, windows_of_options
 
@@ -325,3 +326,24 @@ def test_a_clock_that_stands_still_is_refused(choice, which):
         instants((stopped, stopped), choice)
     halted = dataclasses.replace(wrench, **{"log_time" if choice == "header" else "stamp": still})
     np.testing.assert_array_equal(instants((halted, halted), choice)[0][0], runs)
+
+
+UNUSABLE = {
+    "force and moment in run.mcap never change: check load cell and driver": {"force": 0.0, "moment": 0.0},
+    "wrench in run.mcap is at most .*e-19.: correct its unit or scale": {"force": 1e-200, "moment": 1e-200},
+    "wrench in run.mcap is .*e.30. at sample .*: no sensor reads so much": {"force": 1e304},
+    "time of the wrench in run.mcap jumps by 1e.07 s at 2 s: use the other clock or record again": {"t": 1e7},
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("message", UNUSABLE)
+def test_readings_of_no_sensor_are_refused(message, short, tmp_path, marked):
+    """Before anything is computed of them, so that NumPy has nothing to warn of."""
+    signals = marked[1]
+    changed = {name: getattr(signals, name) * factor for name, factor in UNUSABLE[message].items() if name != "t"}
+    if "t" in UNUSABLE[message]:
+        changed["t"] = signals.t + UNUSABLE[message]["t"] * (signals.t > 2)
+    path = write(tmp_path / "run.mcap", dataclasses.replace(signals, **changed))
+    with pytest.raises(RunError, match=message):
+        load_run(path, declare(short, force_unit="kN").recording)
