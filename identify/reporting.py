@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
+from hashlib import sha256
 from html import escape
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, ClassVar, cast
@@ -48,6 +49,10 @@ def drawn_in(place: "Axes | SubFigure | Figure") -> Iterator[Any]:
         yield place
     finally:
         PLACE.reset(before)
+
+
+LONGEST_STEM = 100
+"""Characters of a file's name that names are written out to; a disk takes 255 bytes, its ending included."""
 
 
 @dataclass(frozen=True)
@@ -252,8 +257,9 @@ def section_of(result: Result, **parts: Any) -> Section:
 
 
 def stem(*names: str) -> str:
-    """Return a figure's name made of names: unique, and no character that leads out of the folder."""
-    return "-".join(quote(name, safe="") for name in names)
+    """Return a figure's name made of names: unique, short, and no character that leads out of the folder."""
+    name = "-".join(quote(name, safe="") for name in names)
+    return name if len(name) <= LONGEST_STEM else f"{name[:LONGEST_STEM]}-{sha256(name.encode()).hexdigest()[:8]}"
 
 
 def plain(value: Any) -> Any:

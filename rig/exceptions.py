@@ -1,10 +1,19 @@
 """The one exception of this package, and how messages repeat what a user wrote."""
 
 import difflib
+import errno
 from collections.abc import Iterable
 
 ECHO = 60
 """The most characters of a value that a message repeats."""
+
+CURES = {
+    errno.ENOSPC: "free some space",
+    errno.EDQUOT: "free some space",
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENOMEM: "give it more memory (ulimit -v, the job's limit)",
+}
 
 
 class RigError(ValueError):
@@ -19,6 +28,11 @@ def quoted(value: object) -> str:
         return "a number of thousands of digits"
     half = (ECHO - 1) // 2
     return text if len(text) <= ECHO else f"{text[: ECHO - 1 - half]}…{text[-half:]}"
+
+
+def cure(error: OSError) -> str:
+    """Return what to do about a failure of the system."""
+    return CURES.get(error.errno or 0, "check the path and its permissions")
 
 
 def reason(error: object) -> str:

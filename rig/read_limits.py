@@ -8,6 +8,7 @@ import json
 import math
 import os
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,10 @@ RATIO = 100
 """Bytes more for each byte read."""
 PIECE = 2**27
 """Largest chunk or record [bytes], which are held in memory as a whole."""
+SLOW = 8.0
+"""Seconds of reading a file after which :data:`watch` is told, once a second."""
+watch: Callable[[PathLike, int, int], None] = lambda path, position, size: None  # noqa: E731
+"""Called with a file, the bytes that are read and its length, where reading takes long; a command shows a bar."""
 VARIABLE = "INERTIA_UNPACK_GIB"
 """Environment variable that raises both the allowance and the largest piece [GiB]."""
 

@@ -177,8 +177,8 @@ class Run:
                 f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
-        for sensor, times in (("wrench", at), ("angular velocity", at_imu)):
-            refuse_jump(sensor, times, name)
+        for sensor, instants in (("wrench", at), ("angular velocity", at_imu)):
+            refuse_jump(sensor, instants, name)
         intervals = [interval(times) for times in (at, at_imu)]
         step, unequal = max(intervals), max(intervals) > UNEQUAL * min(intervals)
         sensors = {"wrench": at, "angular velocity": at_imu}

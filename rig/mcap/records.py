@@ -6,6 +6,7 @@ Works on the file's records only; what the messages mean is the business of ``ri
 import hashlib
 import os
 import struct
+import time
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
 
+from rig import read_limits
 from rig.exceptions import RigError, quoted, reason
 from rig.read_limits import UnpackBudget
 
@@ -43,6 +45,8 @@ HEAD = 11
 """Bytes at a message's start that say what follows: opcode, length, channel."""
 LONGEST = 32
 """Messages of a cycle at most."""
+FEW = 64
+"""Rounds that are looked at first."""
 
 
 class DamageError(RigError):
@@ -105,6 +109,7 @@ class Scanner:
         self.position = 0
         self._hash = hashlib.sha256()
         self._crc = 0
+        self._told, self._tell = False, time.monotonic() + read_limits.SLOW
 
     @property
     def sha256(self) -> str:
@@ -151,9 +156,19 @@ class Scanner:
             raise damage(self.path, self.position, "it ends early")
         self.position += count
         self.budget.reached(self.position)
+        if self.position >= self._size or time.monotonic() >= self._tell:
+            self._watch()
         self._hash.update(data)
         self._crc = zlib.crc32(data, self._crc)
         return data
+
+    def _watch(self) -> None:
+        """Tell how far the file is read, where it takes long."""
+        if time.monotonic() >= self._tell:
+            read_limits.watch(self.path, self.position, self._size)
+            self._told, self._tell = True, time.monotonic() + 1.0
+        elif self._told:
+            read_limits.watch(self.path, self._size, self._size)
 
     def _verify_section(self, record: Record, before: int) -> None:
         """Compare the checksum that ends the data section or the summary section with what was read."""
@@ -244,8 +259,14 @@ def _rounds(data: bytes, cycle: list[int], size: int) -> int:
 
     cycles = np.frombuffer(data, np.uint8, (len(data) - cycle[0]) // size * size, cycle[0]).reshape(-1, size)
     heads = np.add.outer(np.array(cycle) - cycle[0], np.arange(HEAD)).ravel()
-    same = (cycles[:, heads] == cycles[0, heads]).all(axis=1)
-    return len(same) if same.all() else int(np.argmin(same))
+    count = FEW
+    while True:  # so that the time grows with the rounds that there are, not with the data that follow
+        same = (cycles[:count, heads] == cycles[0, heads]).all(axis=1)
+        if not same.all():
+            return int(np.argmin(same))
+        if count >= len(cycles):
+            return len(cycles)
+        count *= 4
 
 
 def _definition(batch: Batch, opcode: int, body: bytes) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from rig.exceptions import RigError
+from rig.exceptions import RigError, cure
 from rig.mcap import cdr_encode, message_definitions
 from rig.mcap.records import seal
 from rig.mcap.writer import new_writer, register
@@ -130,9 +130,9 @@ class Recorder:
         with contextlib.suppress(OSError):
             self._sink.cut_back()
         if not self._sink.whole:
-            return RigError(f"cannot write {self._path} ({error.strerror}): nothing was recorded, free some space")
+            return RigError(f"cannot write {self._path} ({error.strerror}): nothing was recorded, {cure(error)}")
         return RigError(
-            f"cannot write {self._path} ({error.strerror}) after {self.summary.seconds:.1f} s: free some space; "
+            f"cannot write {self._path} ({error.strerror}) after {self.summary.seconds:.1f} s: {cure(error)}; "
             f"what was recorded until then is kept, `inertia recover {self._path} -o NEW.mcap` reads it"
         )
 

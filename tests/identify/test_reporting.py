@@ -84,3 +84,9 @@ def test_no_matplotlib_and_no_pandas_until_a_figure_or_frame_is_asked_for():
     )
     loaded = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout
     assert loaded.strip() == ""
+
+
+def test_a_long_name_becomes_a_short_one_of_its_own():
+    names = [stem("breakdown", "漢" * count, "central") for count in (30, 31)]
+    assert all(len(name) < 120 for name in names)
+    assert len(set(names)) == 2

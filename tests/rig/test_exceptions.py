@@ -1,8 +1,10 @@
 """What messages repeat of a user's text: one line, not too long."""
 
+import errno
+
 import pytest
 
-from rig.exceptions import ECHO, listed, on_one_line, quoted
+from rig.exceptions import ECHO, cure, listed, on_one_line, quoted
 
 VALUES = ["a\nb", "x" * 10**6, "\x00\x1b[31m\u2028", 10**4000, 10**5000, [["y" * 90] * 9], "é" * 60]
 
@@ -31,3 +33,8 @@ def test_of_many_names_the_first_are_listed():
 
 def test_control_characters_are_written_out():
     assert on_one_line("ab\n\x07ü") == r"ab\n\u0007ü"
+
+
+@pytest.mark.parametrize(("number", "words"), [(errno.ENOSPC, "free some space"), (errno.EFBIG, "ulimit -f")])
+def test_a_failure_of_the_system_has_its_own_cure(number, words):
+    assert words in cure(OSError(number, "as the system says"))

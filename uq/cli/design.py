@@ -11,8 +11,9 @@ from uq.motion_design.hexapod.design import design
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.motion_export import export_motion
 from uq.planning.pose_plan import POSES, plan_poses
-from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, start_jax, whole_number
+from uq.terminal.common import ERRORS, finish, output_folder, start_jax, whole_number
 from uq.terminal.sources import add_without_option, shares_named
+from uq.terminal.terminal_bar import TerminalBar
 from uq.tracking.achieved_motion import achieved
 
 __all__ = ["ERRORS", "configure", "run"]

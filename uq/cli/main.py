@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import errno
 import gc
 import importlib
 import importlib.metadata
@@ -15,10 +14,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from identify.rounding import concise
-from rig.exceptions import on_one_line, quoted
+from rig import read_limits
+from rig.exceptions import cure, on_one_line, quoted
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.terminal.standard_streams import ShownText, shown_streams
+from uq.terminal.terminal_bar import ReadingBar
 from uq.trials.watchdog import divide
 
 COMMANDS = {
@@ -44,13 +45,6 @@ LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process with a page of text."""
 SELDOM = 1_000_000
 """New objects after which the garbage collector looks for circles that nothing leads to."""
-CURES = {
-    errno.ENOSPC: "free some space",
-    errno.EDQUOT: "free some space",
-    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
-    errno.EMFILE: "raise the limit of open files (ulimit -n)",
-    errno.ENOMEM: "give it more memory (ulimit -v, the job's limit)",
-}
 OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc", "can't start new thread", "failed to map segment",
                  "annot allocate memory")  # fmt: skip
 """Texts of the errors that libraries raise where Python would raise a MemoryError."""
@@ -87,8 +81,7 @@ def _status(argv: list[str], interrupt: Interrupt | None) -> int:
         return BROKEN_PIPE
     except OSError as error:
         where = f" {error.filename}" if error.filename is not None else ""
-        cure = CURES.get(error.errno or 0, "check the path and its permissions")
-        _complain(f"{error.strerror or error}{where}: {cure}")
+        _complain(f"{error.strerror or error}{where}: {cure(error)}")
         return 2
     except (MemoryError, RuntimeError, ImportError, SystemError) as error:
         if not isinstance(error, MemoryError) and not any(words in str(error) for words in OUT_OF_MEMORY):
@@ -147,6 +140,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     if by_itself:  # imports and traces make millions of objects that stay: looking through them takes 0.3 s
         gc.set_threshold(SELDOM)
     module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
+    read_limits.watch = ReadingBar().watch
     parser = CommandParser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:

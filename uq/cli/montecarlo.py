@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from identify.reporting import Result
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, checkpoint_of, montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
@@ -12,22 +13,12 @@ from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
-from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import (
-    ERRORS,
-    GOES_ON,
-    TerminalBar,
-    add_samples_options,
-    finish,
-    output_folder,
-    say,
-    start_jax,
-    whole_number,
-)
+from uq.terminal.common import ERRORS, GOES_ON, add_samples_options, keep, output_folder, show, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.sources import add_without_option, shares_named
+from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
 
 __all__ = ["ERRORS", "configure", "run"]
@@ -74,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ExperimentError("--budget is for one process: leave out --distributed, or make the budget by itself")
     if arguments.collapsed:
         say("--collapsed is the default now: leave it out")
-    start_jax()
+    start_jax(alone=not arguments.distributed)
     with together(arguments) as speaks:
         return _run(arguments, goal, speaks)
 
@@ -99,14 +90,18 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
             if out is None or arguments.distributed:
                 raise
             raise KeyboardInterrupt(GOES_ON) from error
-        for name, result in results.items() if speaks else ():
-            if name:
-                print(f"\nbody {name}\n")
-            validations = [validate_law(laws[name], result)] if name in laws else []
-            finish(result, folders[name], *more[name], *validations, unsaid=[laws[name]] if name in laws else ())
-        for checkpoint in checkpoints.values() if speaks else ():
+        if not speaks:
+            return 0
+        for name, result in results.items():
+            more[name] += [validate_law(laws[name], result)] if name in laws else []
+            keep(folders[name], result, *more[name], *([laws[name]] if name in laws else []))
+        for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
+        for name, result in results.items():
+            if name:
+                print(f"\nbody {name}\n")
+            show(folders[name], result, *more[name])
     return 0
 
 
@@ -160,7 +155,7 @@ def _goal(arguments: argparse.Namespace) -> Goal | None:
         raise ExperimentError(f"adaptive: {error}") from None
 
 
-def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) -> list[BudgetResult]:
+def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) -> list[Result]:
     """The budget, if it is asked for."""
     if arguments.budget is None:
         return []

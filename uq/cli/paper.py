@@ -1,6 +1,7 @@
 """``inertia paper``: the paper's Table 2 and figures, beside its printed values."""
 
 import argparse
+import contextlib
 from collections.abc import Mapping
 
 from uq.barreto2016 import paper
@@ -8,18 +9,9 @@ from uq.campaign.campaign import checkpoint_of
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
-from uq.terminal.common import (
-    ERRORS,
-    GOES_ON,
-    TerminalBar,
-    add_samples_options,
-    finish,
-    output_folder,
-    say,
-    start_jax,
-    whole_number,
-)
+from uq.terminal.common import ERRORS, GOES_ON, add_samples_options, keep, output_folder, show, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
+from uq.terminal.terminal_bar import TerminalBar, say
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -37,17 +29,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    start_jax()
+    start_jax(alone=not arguments.distributed)
     with together(arguments) as speaks, output_folder(arguments.out) as out:
         checkpoint = None if out is None else checkpoint_of(checkpoint_folder(out), say)
         with TerminalBar(silent=not speaks) as progress:
 
-            def show(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:
-                for estimator, breakdown in breakdowns.items() if speaks else ():
-                    progress.print(row(trajectory, trials, estimator, breakdown.total))
+            def show_rows(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:
+                with contextlib.suppress(BrokenPipeError) if out else contextlib.nullcontext():  # its files count
+                    for estimator, breakdown in breakdowns.items() if speaks else ():
+                        progress.print(row(trajectory, trials, estimator, breakdown.total))
 
             plan = SamplingPlan(engine="samples" if arguments.samples else "sums", dtype=arguments.dtype)
-            options = RunOptions(checkpoint=checkpoint, progress=progress, shown=show)
+            options = RunOptions(checkpoint=checkpoint, progress=progress, shown=show_rows)
             try:
                 result = paper(trials=arguments.trials, seed=arguments.seed, plan=plan, options=options)
             except KeyboardInterrupt as error:
@@ -55,8 +48,9 @@ def run(arguments: argparse.Namespace) -> int:
                     raise
                 raise KeyboardInterrupt(GOES_ON) from error
         if speaks:
-            print()
-            finish(result, out)
+            keep(out, result)
             if checkpoint is not None:
                 checkpoint.remove()
+            print()
+            show(out, result)
     return 0

@@ -8,8 +8,9 @@ from uq.files.units import UnitError, quantity
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import GOALS
 from uq.planning.sensor_worth import BOTH
-from uq.terminal.common import ERRORS, TerminalBar, finish, output_folder, start_jax
+from uq.terminal.common import ERRORS, finish, output_folder, start_jax
 from uq.terminal.sources import add_without_option, shares_named
+from uq.terminal.terminal_bar import TerminalBar
 
 __all__ = ["ERRORS", "configure", "run"]
 

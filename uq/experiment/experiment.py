@@ -43,7 +43,7 @@ from uq.sources.source import Source
 from uq.sources.source_table import sources_of
 
 PRESETS = ("barreto2016",)
-BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]*")
+BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")
 BESIDE = ("report", "document", "as_read", "folder", "file", "left_out")
 """Fields that say nothing of the measurement."""
 
@@ -123,7 +123,7 @@ class Experiment(Shown):
         bodies = _bodies(document)
         for name in bodies:
             if not BODY_NAME.fullmatch(name):
-                raise ExperimentError(f"[body.{name}] in {source}: write a name of letters, digits, _ and -")
+                raise ExperimentError(f"[body.{name}] in {source}: write a name of at most 60 letters, digits, _ and -")
         with in_file(source):
             experiments = {name: cls.from_dict({**document, "body": body}, folder) for name, body in bodies.items()}
             experiments = experiments or {"": cls.from_dict(document, folder)}

@@ -4,9 +4,10 @@ import argparse
 import contextlib
 import logging
 import os
+import subprocess
 import sys
-import time
-from collections.abc import Iterator, Sequence
+import tempfile
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,23 +18,37 @@ from identify.signals.run import RunError
 from rig.exceptions import RigError, on_one_line, quoted
 from uq.experiment.experiment import ExperimentError
 from uq.files.compilation_cache import keep_compiled
-from uq.terminal.standard_streams import uncontrolled
-from uq.trials.progress_bar import ProgressBar
 
 ERRORS = (ExperimentError, RunError, RigError)
 GOES_ON = "the same command goes on from there"
 """Advice for an interrupted command that keeps its results so far."""
-BETWEEN_LINES = 60.0
-"""Seconds after which a line of progress follows another of the same step."""
+TRIED = 2**20
+"""Bytes that an output folder must take before the work begins: a report has a megabyte."""
 
 
-def start_jax() -> None:
-    """Switch on float64, keep what is compiled, let each processor be a device; before the first array is made."""
+def start_jax(*, alone: bool = True) -> None:
+    """Switch on float64, keep what is compiled, let each processor be a device; before the first array is made.
+
+    ``alone``: this process meets no others, so that its devices can be asked for at once.
+
+    Raises:
+        ExperimentError: JAX has no device, as where ``JAX_PLATFORMS`` names a kind that is not here.
+    """
+    if flags := os.environ.get("XLA_FLAGS"):  # XLA ends a process that has a flag which it does not know
+        tried = subprocess.run([sys.executable, "-c", "import jax; jax.devices('cpu')"], capture_output=True, text=True)
+        if tried.returncode and "XLA_FLAGS" in tried.stderr:
+            raise ExperimentError(f"XLA knows no such flags as {quoted(flags)}: correct or unset XLA_FLAGS")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written is no user's concern
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook
         jax.config.update("jax_num_cpu_devices", processors())
     keep_compiled()
+    try:
+        if alone:
+            jax.devices()
+    except (RuntimeError, AssertionError):
+        chosen = quoted(os.environ.get("JAX_PLATFORMS", ""))
+        raise ExperimentError(f"JAX has no device with JAX_PLATFORMS={chosen}: unset it, or set it to cpu") from None
 
 
 def processors() -> int:
@@ -55,14 +70,17 @@ def output_folder(text: str | None) -> Iterator[Path | None]:
     if text is None:
         yield None
         return
-    for module in ("scipy.special", "uq.report.report_files"):
-        import_module(module)
+    for module in ("scipy.special", "uq.report.report_files", "matplotlib"):
+        try:
+            import_module(module)
+        except UnicodeDecodeError:
+            raise ExperimentError("matplotlibrc is no text: correct or remove it") from None
     folder = Path(text)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
-    if not os.access(folder, os.W_OK):
-        raise PermissionError(13, "cannot write to", str(folder))
     try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(TRIED))
         yield folder
     except BaseException:
         with contextlib.suppress(OSError):
@@ -91,19 +109,30 @@ def add_window_options(parser: argparse.ArgumentParser, without: str = "the segm
         )  # fmt: skip
 
 
-def finish(result: Any, out: Path | None, *more: Any, unsaid: Sequence[Any] = ()) -> None:
-    """Print results, but for those that are ``unsaid``, and write their files, if there is a folder for them.
+def finish(result: Any, out: Path | None, *more: Any) -> None:
+    """Write the files of results, if there is a folder for them, and print them."""
+    keep(out, result, *more)
+    show(out, result, *more)
+
+
+def keep(out: Path | None, result: Any, *more: Any) -> None:
+    """Write the files of results, if there is a folder for them: before anything is printed, which may fail.
 
     The figures are drawn as matplotlib does by itself, whatever a ``matplotlibrc`` in the working folder says.
     """
-    print(*(result, *more), sep="\n\n")
     if out is not None:
         import matplotlib
 
         from uq.report.report_files import write
 
         with matplotlib.rc_context(matplotlib.rcParamsDefault):
-            write(result, out, *more, *unsaid)
+            write(result, out, *more)
+
+
+def show(out: Path | None, result: Any, *more: Any) -> None:
+    """Print results, and where their files are."""
+    print(*(result, *more), sep="\n\n")
+    if out is not None:
         name = getattr(result, "file_name", "result.json")
         print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
 
@@ -128,37 +157,3 @@ def whole_number(text: str) -> int:
     if abs(number) >= 2**32:
         raise argparse.ArgumentTypeError(f"{text} is out of range")
     return number
-
-
-def say(line: str) -> None:
-    """Print a line that is no result."""
-    print(on_one_line(line), file=sys.stderr)
-
-
-class TerminalBar(ProgressBar):
-    """A progress bar on a terminal; elsewhere nothing, or a line for each new step and every minute."""
-
-    def __init__(self, *, silent: bool = False, unit: str = "trials", lines: bool = False) -> None:
-        """Name what shows no bar, ``silent`` or no terminal; what is counted; whether ``lines`` stand for the bar."""
-        super().__init__(silent=silent or not sys.stderr.isatty(), unit=unit, stream=uncontrolled(sys.stderr))
-        self.lines = lines and not silent and self.silent
-        self.named, self.begin, self.last = "", time.monotonic(), 0.0
-
-    def __call__(self, name: str, done: int, asked: int) -> None:
-        """Show how many steps of what is named are done."""
-        super().__call__(name, done, asked)
-        now = time.monotonic()
-        if self.lines and (name != self.named or now - self.last >= BETWEEN_LINES):
-            self.named, self.last = name, now
-            say(f"{name}: {done} of {asked}{self.unit} after {now - self.begin:.0f} s")
-
-    def __enter__(self) -> "TerminalBar":
-        return self
-
-    def print(self, line: str) -> None:
-        """Print a line of results above the bar, at once."""
-        if self.bar is not None:
-            self.bar.clear()
-        print(line, flush=True)
-        if self.bar is not None:
-            self.bar.refresh()

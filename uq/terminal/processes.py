@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from rig.exceptions import on_one_line
+from rig.exceptions import on_one_line, quoted
 from uq.experiment.experiment import ExperimentError
 from uq.terminal.common import ERRORS, whole_number
 from uq.trials import distributed as cluster
@@ -60,8 +60,8 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
 
 def _check(coordinator: str, processes: int, process: int) -> None:
     host, _, port = coordinator.rpartition(":")
-    if not host or not port.isdigit():
-        raise ExperimentError(f"--coordinator is {coordinator}: write HOST:PORT")
+    if not host or not port.isdecimal() or not 0 < int(port[:6]) < 2**16:
+        raise ExperimentError(f"--coordinator is {quoted(coordinator)}: write HOST:PORT, with a port from 1 to 65535")
     if not 0 <= process < processes:
         raise ExperimentError(f"--process is {process} of {processes}: number the processes from 0")
 

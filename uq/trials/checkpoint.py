@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rig.atomic_files import replacing
-from rig.read_limits import parse_json
+from rig.read_limits import parse_json, require_file
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
 from uq.trials.engine import TrialEstimates
@@ -157,6 +157,7 @@ class Checkpoint:
                 folder.rmdir()
 
     def _compare(self, head: Path, identity: dict[str, Any], expected: str) -> None:
+        require_file(head)
         try:
             content = parse_json(head.read_text("utf-8"))
             version, digest, stored = content["format"], content["digest"], content["campaign"]
@@ -175,6 +176,7 @@ class Checkpoint:
             )
 
     def _read(self, path: Path) -> tuple[dict[str, Any], TrialEstimates]:
+        require_file(path)
         line, _, payload = path.read_bytes().partition(b"\n")
         try:
             header = parse_json(line)

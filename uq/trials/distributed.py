@@ -16,8 +16,9 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
+from rig.exceptions import reason
 from uq.files.document import ExperimentError
-from uq.trials.watchdog import LOST_LINE, say_met
+from uq.trials.watchdog import LOST_LINE, patient, say_met
 
 T = TypeVar("T")
 
@@ -53,7 +54,7 @@ def join(
     """
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     try:
-        with _silent():
+        with _silent(), patient(patience):
             jax.distributed.initialize(
                 coordinator, processes, process, initialization_timeout=patience, heartbeat_timeout_seconds=HEARTBEAT
             )
@@ -67,7 +68,7 @@ def join(
                 "no cluster is detected: give --coordinator HOST:PORT --processes N --process I"
             ) from None
         where = f" at {coordinator}" if coordinator else ""
-        what = str(error).splitlines()[0]
+        what = reason(str(error).partition("\n")[0])
         raise ExperimentError(f"the processes do not meet{where} ({what}): check address and number") from None
 
 

@@ -9,6 +9,8 @@ import ctypes
 import os
 import signal
 import sys
+import threading
+from collections.abc import Iterator
 
 LOST = 3
 """Exit status when another process of a campaign is gone."""
@@ -54,6 +56,22 @@ def say_met() -> None:
     """Tell the process that waits, if there is one, that this one has met the others of its campaign."""
     if _have_met >= 0:
         os.write(_have_met, b"1")
+
+
+@contextlib.contextmanager
+def patient(seconds: float) -> Iterator[None]:
+    """Let this process abort where it has not met the others in time; JAX's runtime takes twice the time it is given.
+
+    Only where another one waits for it, which says why.
+    """
+    timer = threading.Timer(seconds, os.abort)
+    timer.daemon = True
+    if _have_met >= 0:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _wait(child: int, met: int) -> int:

@@ -34,6 +34,7 @@ PATTERNS = {
     "many topics": [message(k, k) for k in range(LONGEST + 5)] * 4,
     "as many as are looked at": [message(k, k) for k in range(LONGEST)] * 4,
     "other records between": [A, B] * 5 + [ATTACHMENT] + [A, B] * 5 + [ATTACHMENT, A],
+    "hundreds of rounds, then another": [A, B] * 300 + [LONG] + [A] * 70 + [B, LONG, B] * 64,
     "nothing": [],
 }
 

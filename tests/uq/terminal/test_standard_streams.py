@@ -20,8 +20,8 @@ from tests.helpers.recordings import START, Signals
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.terminal.common import TerminalBar
 from uq.terminal.standard_streams import ShownText, shown_streams, uncontrolled
+from uq.terminal.terminal_bar import TerminalBar
 
 NAME = "<i>\n\r\t\x1b[2J\x1b]0;title\x07\x7f\x9b31m\u202e\u2066\u2028\nforged"
 """A line feed, and controls of C0, DEL, C1 and of the direction of text; a tag, for pages."""

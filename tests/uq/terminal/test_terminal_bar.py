@@ -1,13 +1,16 @@
 """What a command shows of its progress where there is no terminal."""
 
-from uq.terminal import common
-from uq.terminal.common import TerminalBar
+from rig import read_limits
+from rig.mcap.records import Scanner
+from tests.helpers.saved_runs import written
+from uq.terminal import terminal_bar
+from uq.terminal.terminal_bar import ReadingBar, TerminalBar
 
 
 def test_a_log_has_a_line_for_each_step_and_for_each_minute(monkeypatch, capsys):
     """Six calls: a new step, twice within its minute, after it, another step, within its minute."""
     clock = iter([0.0, 1.0, 30.0, 60.9, 61.0, 70.0, 100.0])
-    monkeypatch.setattr(common.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(terminal_bar.time, "monotonic", lambda: next(clock))
     with TerminalBar(unit="steps", lines=True) as bar:
         for name, done in [("starts", 0), ("starts", 1), ("starts", 2), ("starts", 3), ("limits", 0), ("limits", 1)]:
             bar(name, done, 14)
@@ -20,3 +23,17 @@ def test_others_say_nothing(capsys):
         with TerminalBar(**options) as bar:
             bar("T1", 1, 2)
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_file_that_takes_long_to_read_says_how_far_it_is(tmp_path, monkeypatch, capsys):
+    path, told = tmp_path / "run.mcap", []
+    written(path)
+    monkeypatch.setattr(read_limits, "SLOW", 0.0)
+    monkeypatch.setattr(read_limits, "watch", lambda *which: told.append(which))
+    with open(path, "rb") as stream:
+        list(Scanner(path, stream))
+    size = path.stat().st_size
+    assert told == [(path, told[0][1], size), (path, size, size)]
+    bar = ReadingBar()
+    bar.watch(path, 12 * 10**6, 99 * 10**6)
+    assert capsys.readouterr().err == "reading run.mcap: 12 of 99 MB after 0 s\n"

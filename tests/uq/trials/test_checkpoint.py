@@ -11,6 +11,7 @@ import jax
 import numpy as np
 import pytest
 
+from rig.exceptions import RigError
 from tests.helpers.small_campaign import document
 from tests.helpers.source_lab import BY_SAMPLES
 from uq.campaign.campaign import montecarlo
@@ -159,6 +160,17 @@ def test_a_damaged_head_is_refused(experiment, tmp_path, change, words):
         run(experiment, checkpoint=tmp_path)
 
 
+@pytest.mark.parametrize("name", ["campaign.json", "*.part"])
+def test_a_checkpoint_of_devices_is_refused(experiment, tmp_path, name):
+    """Its reading would never end."""
+    interrupted(experiment, tmp_path, 2)
+    path = next(tmp_path.glob(name))
+    path.unlink()
+    path.symlink_to("/dev/zero")
+    with pytest.raises(RigError, match=f"^not a file {path} but a device: give a file$"):
+        run(experiment, checkpoint=tmp_path)
+
+
 def test_a_checkpoint_of_another_campaign_is_refused(experiment, tmp_path):
     interrupted(experiment, tmp_path, 1)
     with pytest.raises(ExperimentError, match=r"of another campaign \(other seed, batch, estimators\): give the same"):
@@ -215,6 +227,7 @@ import jax
 import numpy as np
 from uq.terminal.common import start_jax
 start_jax()
+from rig.exceptions import RigError
 from tests.helpers.small_campaign import document
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign import montecarlo

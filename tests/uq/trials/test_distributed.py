@@ -119,6 +119,10 @@ def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, ki
             ["--distributed", "--coordinator", "a:1", "--processes", "2", "--process", "2"],
             "number the processes from 0",
         ),
+        *(
+            (["--distributed", "--coordinator", f"a:{port}", "--processes", "2", "--process", "0"], "from 1 to 65535")
+            for port in ("0", "99999", "٣")
+        ),
         (["--patience", "5"], "add --distributed"),
         (["--distributed", "--patience", "0"], "give a second or more"),
         (["--distributed", "--budget"], "--budget is for one process"),
