@@ -15,6 +15,7 @@ from rig.record.rig_file import IDENTITY, DeviceEntry
 SILENCE = 1.0  # seconds without a sample that are worth a message
 LAST_SILENCE = 0.3  # the same at the end of a recording
 JUMPED = 20  # samples in a row off the device's clock, after which it counts as set anew
+BUFFERED = 8192  # bytes that adapter and system may hold back and give at once
 BABBLE = 2000  # bytes without a sample that are worth a message
 
 
@@ -40,8 +41,8 @@ class DeviceSource:
         self.identity = reader.identity or Identity()
         self._past = Counts()
         serial = not entry.device.NETWORK and not entry.port.startswith(("udp:", "tcp:"))
-        self._byte_time = 10e9 / entry.baudrate if serial else 0.0
-        self._wire = round(entry.device.FRAME_BYTES * self._byte_time)
+        self._byte_time = 10e9 / entry.baudrate if serial and entry.paced else 0.0
+        self._paced_bytes, self._paced_from = 0, now
         self._matrix = np.array(entry.matrix)
         self._plain = entry.matrix == IDENTITY or entry.device.measures == "values"
         self._stamped_by = ""
@@ -80,6 +81,7 @@ class DeviceSource:
             yield from self._reconnect(event.answered, event.time)
         else:
             self._bytes_since += len(event.data)
+            self._check_pace(event)
             before = self.parser.counts.bytes
             samples = self.parser.feed(event.data)
             end = before + len(event.data)
@@ -88,6 +90,16 @@ class DeviceSource:
             if samples:
                 self._change("ok", event.time)
                 self._last_sample, self._bytes_since = event.time, 0
+
+    def _check_pace(self, event: Event) -> None:
+        """Bytes that come faster than the baud rate are proof that there is none, as on USB: none waits for others."""
+        self._paced_bytes += len(event.data)
+        least = (self._paced_bytes - BUFFERED) * self._byte_time  # ns that they take at the baud rate
+        if self._byte_time and least > 1.05 * (event.time - self._paced_from):
+            self._byte_time, self.clock = 0.0, ClockTracker()
+            self._forget_counter()
+            what = f"faster than {self.entry.baudrate} baud, as on USB, which has none"
+            self.troubles.append(f"{self.entry.name}: {what}")
 
     def _reconnect(self, identity: Identity, now: int) -> Iterator[Measurement]:
         yield from self._rest(now)
@@ -103,7 +115,7 @@ class DeviceSource:
             yield self._measure(sample, now, self.parser.counts.bytes)
 
     def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
-        arrived = arrival - round((end - sample.end) * self._byte_time) - self._wire
+        arrived = arrival - round((end - sample.end + self.entry.device.FRAME_BYTES) * self._byte_time)
         jumps = self.clock_jumps
         if sample.time is not None:
             self._stamped_by, stamp = "clock", self._stamp(sample.time, arrived)

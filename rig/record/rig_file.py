@@ -100,6 +100,7 @@ class DeviceEntry:
         topics: of each of the device's channels.
         matrix: what turns three raw components into those in the body frame: the rotation to the body frame, and for a
             load cell that reads the wrench on itself the sign.
+        paced: whether its bytes come at the baud rate; a line that states none may be USB, which has none.
         delay_to: name of the IMU device whose angular velocity follows this device's columns omega_x, omega_y, omega_z.
     """
 
@@ -111,6 +112,7 @@ class DeviceEntry:
     frame_id: str
     matrix: Matrix
     settings: dict[str, str]
+    paced: bool = True
     delay_to: str = ""
 
     @property
@@ -176,6 +178,7 @@ def _entry(table: DeviceTable, settings: dict[str, str]) -> DeviceEntry:
         topics=_topics(table, device),
         frame_id=table.frame_id,
         matrix=tuple((sign * a, sign * b, sign * c) for a, b, c in table.rotation_to_body),
+        paced=table.baudrate is not None or table.kind != "line",
         settings={key: text for key, text in settings.items() if key not in ("name", "port")},
         delay_to=table.delay_to,
     )

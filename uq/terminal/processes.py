@@ -60,7 +60,7 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
 
 def _check(coordinator: str, processes: int, process: int) -> None:
     host, _, port = coordinator.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port[:6]) < 2**16:
+    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port[:6]) < 2**16:
         raise ExperimentError(f"--coordinator is {quoted(coordinator)}: write HOST:PORT, with a port from 1 to 65535")
     if not 0 <= process < processes:
         raise ExperimentError(f"--process is {process} of {processes}: number the processes from 0")

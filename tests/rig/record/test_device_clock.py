@@ -21,7 +21,7 @@ from rig.record.recorder import Progress, Recorder, Summary
 from rig.record.rig_file import load_rig
 from rig.record.session import Session
 from rig.record.terminal import Keys, Terminal, summary_lines
-from tests.helpers.rig_lab import Bench
+from tests.helpers.rig_lab import LINE, Bench, device_source
 
 RIG = '[[device]]\nname = "cell"\nkind = "bota"\nport = "/dev/none"\nwrench = "on_sensor"\n'
 
@@ -237,3 +237,23 @@ def test_a_key_on_a_terminal_is_a_mark(monkeypatch):
             time.sleep(0.01)
     os.close(master)
     assert heard == ["m"]
+
+
+def arrivals(source, rate):
+    """Two seconds of lines of 80 bytes with their time, in packets of ten that are there at once, as USB brings them."""
+    lines = [f"{round(1e6 * k / rate)},{k:{80 - 2 - len(str(round(1e6 * k / rate)))}}\n" for k in range(2 * rate)]
+    for k in range(0, len(lines), 10):
+        yield from source.take(Event(10**9 + round(1e9 * (k + 9) / rate), "".join(lines[k : k + 10]).encode()))
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_what_is_faster_than_its_baud_rate_has_none(tmp_path, stated):
+    """500 lines of 80 bytes a second are four times what 115200 baud carry; by it, the first came 62 ms too early."""
+    text = LINE.format(first="time us").replace("baudrate = 100000000", "baudrate = 115200" * stated)
+    source = device_source(tmp_path, text.replace('"level m"]', '"level m"], separator = ","'))
+    stamps = np.array([m.stamp for m in arrivals(source, 500)])
+    late = stamps - 10**9 - 2_000_000 * np.arange(1, 1 + len(stamps))
+    assert np.abs(late[-200:]).max() < 1_000_000
+    assert source.clock_jumps == 0
+    assert [text for text in source.troubles if "115200 baud" in text] == source.troubles
+    assert len(source.troubles) == stated
