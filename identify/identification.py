@@ -21,6 +21,11 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
 from identify.static.centre_result import Centre
 
+FARTHEST = 10.0
+"""Distance of a centre of gravity from the load cell [m] beyond which it is no body's: it is in millimetres."""
+SLOWEST = 1.0
+"""Rate [Hz] below which no motion is seen: the times are in milliseconds."""
+
 
 @explains_names
 def identify(
@@ -73,6 +78,11 @@ def identify(
     for name, given, choices in (("method", method, names()), ("offsets", offsets, get_args(OffsetChoice))):
         if given not in choices:
             raise ValueError(f"Argument `{name}` must be one of {', '.join(choices)}, but is {given!r}.")
+    if not isinstance(estimator, EstimatorSpec | None):
+        raise TypeError(
+            f"Argument `estimator` must be an EstimatorSpec, but is {estimator!r}; an experiment has its own by name: "
+            "experiment.estimator(name)."
+        )
     if centre is not None:
         r_cg, sigma_r_cg, mass = centre.r_cg, centre.standard_uncertainty[1:4], centre.mass
     problem = Problem(
@@ -104,6 +114,11 @@ def _checked(
     centre, sigma = numbers("r_cg", r_cg), numbers("sigma_r_cg", sigma_r_cg)
     if centre.shape != (3,) or not np.isfinite(centre).all():
         raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
+    if np.abs(centre).max() > FARTHEST:
+        raise RunError(f"r_cg is {r_cg!r}: give it in metres")
+    for run in runs:
+        if run.rate < SLOWEST:
+            raise RunError(f"{run.name} has {run.rate:.3g} samples a second: give its times in seconds")
     if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():
         raise RunError(f"sigma_r_cg is {sigma_r_cg!r}: give three standard uncertainties [m], zero or more")
     return runs, centre, sigma

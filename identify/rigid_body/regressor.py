@@ -52,7 +52,13 @@ def _omega_r(feature):
 
 
 def omega_r(omega: Float[ArrayT, "3"], alpha: Float[ArrayT, "3"]) -> Float[ArrayT, "3 6"]:
-    """Return ``Omega_R`` of (7): ``Omega_R @ inertia == I·alpha + omega × (I·omega)`` [N·m]."""
+    """Return ``Omega_R`` of (7): ``Omega_R @ inertia == I·alpha + omega × (I·omega)`` [N·m].
+
+    Raises:
+        ValueError: they are not of one sample.
+    """
+    if omega.shape != (3,) or alpha.shape != (3,):
+        raise ValueError(f"omega_r takes one sample, (3,), but has {omega.shape}, {alpha.shape}: jax.vmap takes many")
     return omega.__array_namespace__().array(_omega_r(features(omega, alpha)))
 
 

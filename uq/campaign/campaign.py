@@ -1,5 +1,6 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
+import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -69,6 +70,9 @@ def montecarlo(
         ExperimentError: no trials, no such trajectory or estimator, nothing to estimate from, a plan that cannot be, or
             a checkpoint that is damaged or of another campaign.
     """
+    for name, given in (("trials", trials), ("seed", seed)):
+        if not isinstance(given, numbers.Integral | None):
+            raise TypeError(f"Argument `{name}` must be a whole number, but is {given!r}.")
     trials = (MOST_TRIALS if plan.goal else TRIALS) if trials is None else trials
     if trials < 1:
         raise ExperimentError(f"{trials} trials: ask for one or more")

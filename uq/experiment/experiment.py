@@ -4,6 +4,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 :class:`ExperimentError` that names the key.
 """
 
+import errno
 import math
 import re
 from collections.abc import Mapping
@@ -334,6 +335,8 @@ def _read(source: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
         with resources.as_file(resources.files("uq").joinpath("presets", f"{source}.toml")) as preset:
             document, sha256 = read_document(preset, "a preset")
     else:
+        if not Path(source).exists():
+            raise FileNotFoundError(errno.ENOENT, "No experiment file, and no preset of the name", str(source))
         document, sha256 = read_document(source, "an experiment file")
     return document, {"file": str(source), "sha256": sha256}
 

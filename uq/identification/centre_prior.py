@@ -19,14 +19,16 @@ APART = 2.0
 """Standard uncertainties that two values of one quantity may differ by."""
 
 
-def load_centre(path: str | Path) -> Centre:
-    """Read a centre.json, as ``inertia centre --out`` writes it.
+def load_centre(path: str | Path | Centre) -> Centre:
+    """Read a centre.json, as ``inertia centre --out`` writes it; a centre is returned as it is.
 
     Raises:
         RunError: it is not JSON, no centre, of another version, or holds figures that cannot be used.
         RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
+    if isinstance(path, Centre):
+        return path
     require_file(path)
     name = Path(path).name
     try:
@@ -67,12 +69,11 @@ def with_mass_and_centre(
     return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, centre_source), mixing=mixing)
 
 
-def centre_provenance(path: str | Path, centre: Centre) -> dict[str, Any]:
+def centre_provenance(path: str | Path | Centre, centre: Centre) -> dict[str, Any]:
     """Return the provenance of the centre that a result used."""
     provenance: Mapping[str, Any] = centre.provenance
     return {
-        "file": str(path),
-        "sha256": sha256(path),
+        **({} if isinstance(path, Centre) else {"file": str(path), "sha256": sha256(path)}),
         "inputs": provenance.get("inputs"),
         "package": provenance.get("package"),
         "time": provenance.get("time"),

@@ -51,27 +51,28 @@ CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that 
 
 @explains_names
 def identify_files(
-    paths: Sequence[str | Path],
+    paths: str | Path | Sequence[str | Path],
     experiment: Experiment,
     *,
     estimator: str | None = None,
     offsets: OffsetChoice | None = None,
     windows: Sequence[TimeWindow] | None = None,
     mountings: Sequence[str] | None = None,
-    centre: str | Path | None = None,
+    centre: str | Path | Centre | None = None,
     method: str | None = None,
     validate: bool = False,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body; with its fixture, which ``tare_files`` takes off.
 
     Args:
-        paths: files or rosbag2 folders, one a run.
+        paths: files or rosbag2 folders, one a run; or a single one.
         experiment: r_CG with its uncertainty, estimators, what the channels mean.
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
         windows: the time windows of each run that count; None: where it moves.
         mountings: name of the mounting that each run was made with; None: as the runs' metadata say.
-        centre: the centre.json of static poses, whose mass and centre of gravity count; None: the experiment's.
+        centre: the result of static poses, or its centre.json, whose mass and centre of gravity count; None: the
+            experiment's.
         method: the estimator of :func:`identify.identify`; None: the recording's.
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
@@ -80,6 +81,7 @@ def identify_files(
             :func:`uq.recorded.gravity_compensation.undo`, :func:`uq.recorded.mounting.labelled`,
             :func:`identify.identify` and :func:`uq.identification.systematic_errors.with_declared_sources`.
     """
+    paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
     check_count(mountings, len(paths))
@@ -88,7 +90,7 @@ def identify_files(
     declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
     if centre is not None:
         prior = load_centre(centre)
-        check_declared(experiment, prior, Path(centre).name)
+        check_declared(experiment, prior, "centre" if isinstance(centre, Centre) else Path(centre).name)
         experiment, differing = with_centre_prior(experiment, prior)
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:

@@ -1,0 +1,64 @@
+"""What a user of Python writes at the first try gives an answer, or one line that says what is meant."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import uq
+from identify.static.centre import centre
+from tests.helpers.pose_lab import directions, wrench_of
+from tests.helpers.small_campaign import document
+from uq.experiment.experiment import Experiment
+from uq.identification.centre_prior import centre_provenance, load_centre
+
+CALLS = {
+    'Experiment.load("nope.toml")': "No experiment file, and no preset of the name: 'nope.toml'",
+    'uq.montecarlo(experiment, trials="100")': "Argument `trials` must be a whole number, but is '100'",
+    "uq.montecarlo(experiment, trials=2, seed=0.5)": "Argument `seed` must be a whole number, but is 0.5",
+    'identify.identify(run, r_cg=[0, 0, 0.05], estimator="smoothed")': "must be an EstimatorSpec, but is 'smoothed'",
+    "identify.identify(run, r_cg=[0, 0, 53])": "r_cg is [0, 0, 53]: give it in metres",
+    "identify.identify(replace(run, t=1e3 * run.t), r_cg=[0, 0, 0.05])": "give its times in seconds",
+    "identify.omega_r(np.ones((9, 3)), np.ones((9, 3)))": "omega_r takes one sample, (3,), but has (9, 3), (9, 3)",
+}
+SCRIPT = """
+import json, sys
+from dataclasses import replace
+import jax, numpy as np
+jax.config.update("jax_enable_x64", True)
+import identify, uq
+from uq import Experiment
+experiment = Experiment.load("barreto2016")
+t = np.arange(400) / 100
+run = identify.Run.from_arrays(t, *np.random.default_rng(0).normal(size=(3, 400, 3)))
+for call in json.load(sys.stdin):
+    try:
+        eval(call)
+    except (ValueError, TypeError, OSError) as error:
+        print(json.dumps(str(error)))
+"""
+"""In a process of its own, since the tests check the types of arguments before the functions do."""
+
+
+def test_a_mistake_is_said_in_the_words_of_the_call():
+    command = [sys.executable, "-c", SCRIPT]
+    done = subprocess.run(command, input=json.dumps(list(CALLS)), capture_output=True, text=True, check=True)
+    messages = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(messages) == len(CALLS)
+    for message, words in zip(messages, CALLS.values(), strict=True):
+        assert words in message
+        assert "\n" not in message
+
+
+def test_one_path_is_a_run(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"run\.mcap"):
+        uq.identify_files(str(tmp_path / "run.mcap"), Experiment.from_dict(document()))
+
+
+def test_a_centre_counts_as_its_file_does():
+    up = directions(np.random.default_rng(1), 12, None)
+    poses = centre(*wrench_of(up), up)
+    assert load_centre(poses) is poses
+    assert "file" not in centre_provenance(poses, poses)
