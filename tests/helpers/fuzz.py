@@ -22,7 +22,7 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -45,6 +45,8 @@ VALUES = (
 )  # fmt: skip
 ASSIGNMENT = re.compile(rb'^(\s*"?[\w.-]+"?\s*[=:]\s*)(.+?)(,?)$', re.MULTILINE)
 
+NUMBER = re.compile(rb"(?<![\w.])-?\d+(\.\d+)?(e-?\d+)?")
+
 
 @st.composite
 def mutated(draw: st.DrawFn, kind: Kind) -> bytes:
@@ -66,14 +68,28 @@ def _key_mutated(draw: st.DrawFn, data: bytes) -> bytes:
     others = [other.group(2) for other in places]
     line = draw(
         st.one_of(
+            number_of(value).map(lambda text: before + text + end),
+            number_of(value).map(lambda text: before + text + end),
             st.sampled_from(VALUES).map(lambda text: before + text.encode() + end),
             st.sampled_from(others).map(lambda other: before + other + end),
             st.sampled_from((b"", before + value + end + b"\n" + before + value + end, b"_" + before + value + end)),
             st.text(max_size=40).map(lambda text: before + json.dumps(text).encode() + end),
+            number_of(value).map(lambda text: before + text + end),
             st.floats().map(lambda number: before + repr(number).encode() + end),
         )
     )
     return data[: place.start()] + line + data[place.end() :]
+
+
+def number_of(value: bytes) -> st.SearchStrategy[bytes]:
+    """The value with another number in it, whose unit stays: mostly one that loads."""
+    places = list(NUMBER.finditer(value))
+    if not places:
+        return st.just(value)
+    numbers = st.sampled_from((b"0", b"1", b"-1", b"1e-9", b"1e-3", b"0.5", b"3", b"50", b"1e6", b"1e12", b"1e300"))
+    return st.tuples(st.sampled_from(places), numbers).map(
+        lambda drawn: value[: drawn[0].start()] + drawn[1] + value[drawn[0].end() :]
+    )
 
 
 def _byte_mutated(draw: st.DrawFn, data: bytes) -> bytes:
@@ -94,8 +110,15 @@ def _byte_mutated(draw: st.DrawFn, data: bytes) -> bytes:
     return data[:at] + data[at : at + 200] * 2 + data[at + 200 :] if how == 3 else data[:at]
 
 
-def complaint(kind: Kind, data: bytes) -> str:
-    """What is wrong with how the command takes a file of this kind; empty if nothing is."""
+class Outcome(NamedTuple):
+    """What is wrong with how a command takes a file, empty if nothing is; and whether it was loaded."""
+
+    problem: str
+    loaded: bool = False
+
+
+def outcome(kind: Kind, data: bytes) -> Outcome:
+    """How the command takes a file of this kind."""
     Path(f"input{kind.suffix}").write_bytes(data)
     out, err = io.StringIO(), io.StringIO()
     before, start, used = _memory("VmRSS", forget=True), time.monotonic(), time.process_time()
@@ -109,17 +132,24 @@ def complaint(kind: Kind, data: bytes) -> str:
         if isinstance(error, KeyboardInterrupt):
             raise
         at = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {str(error)[:100]!r} at {at.filename}:{at.lineno}"
+        return Outcome(f"{type(error).__name__}: {str(error)[:100]!r} at {at.filename}:{at.lineno}")
     lines = err.getvalue().splitlines()
     if min(time.monotonic() - start, time.process_time() - used) > SECONDS:  # others may keep the machine busy
-        return "takes longer than ten seconds"
+        return Outcome("takes longer than ten seconds")
     if _memory("VmHWM") - before > BYTES:
-        return "takes more than 2 GiB"
+        return Outcome("takes more than 2 GiB")
     if status not in (0, 1, 2):
-        return f"exit status {status}"
+        return Outcome(f"exit status {status}")
     if status == 2 and (len(lines) != 1 or len(lines[0]) >= CHARACTERS or not lines[0].isprintable()):
-        return f"{len(lines)} lines, {len(err.getvalue())} characters: {err.getvalue()[:300]!r}"
-    return "" if status == 2 or "Traceback" not in err.getvalue() else "a traceback in what it prints"
+        return Outcome(f"{len(lines)} lines, {len(err.getvalue())} characters: {err.getvalue()[:300]!r}")
+    if status != 2 and "Traceback" in err.getvalue():
+        return Outcome("a traceback in what it prints")
+    return Outcome("", kind.behind in err.getvalue() if kind.behind else status != 2)
+
+
+def refused_originals(kind: Kind) -> list[int]:
+    """Return the originals of a kind behind whose loading nothing would be tried."""
+    return [k for k, data in enumerate(kind.originals) if outcome(kind, data) != Outcome("", True)]
 
 
 def _memory(name: str, *, forget: bool = False) -> int:
@@ -147,10 +177,10 @@ def _alarm() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def fuzz(kind: Kind, cases: int, number: int | None = None) -> tuple[int, dict[str, bytes]]:
-    """Try so many mutated files; return how many were tried, and the smallest file of each complaint's place."""
-    tried, failures = 0, {}
-    complaint(kind, kind.originals[0])  # what only a first run imports and compiles is not counted
+def fuzz(kind: Kind, cases: int, number: int | None = None) -> tuple[int, int, dict[str, bytes]]:
+    """Try so many mutated files; return how many were tried and loaded, and the smallest of each complaint's place."""
+    tried, loaded, failures = 0, 0, {}
+    outcome(kind, kind.originals[0])  # what only a first run imports and compiles is not counted
 
     @settings(
         max_examples=cases,
@@ -162,30 +192,34 @@ def fuzz(kind: Kind, cases: int, number: int | None = None) -> tuple[int, dict[s
     )
     @given(mutated(kind))
     def try_one(data: bytes) -> None:
-        nonlocal tried
+        nonlocal tried, loaded
         tried += 1
-        if problem := complaint(kind, data):
+        problem, behind = outcome(kind, data)
+        loaded += behind
+        if problem:
             place = re.sub(r"'.*'|\d{3,}", "…", problem)[:120] + problem[-40:]
             if place not in failures or len(data) < len(failures[place]):
                 failures[place] = data
 
     (seed(number)(try_one) if number is not None else try_one)()
-    return tried, failures
+    return tried, loaded, failures
 
 
 def attack(chosen: Sequence[str] | None, seconds: float, number: int, keep: Path, report: Any) -> None:
     """Fuzz kinds in turn, in a folder of this process, until the time is over; put what was tried into a queue."""
-    tried: Counter[str] = Counter()
+    tried, loaded = Counter[str](), Counter[str]()
     failed: set[tuple[str, str]] = set()
     folder = keep / f"process-{os.getpid()}"
     folder.mkdir(parents=True)
     os.chdir(folder)
     every = kinds(folder)
+    failed |= {(which, "an original is refused") for which in chosen or every if refused_originals(every[which])}
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         for which in chosen or every:
-            count, failures = fuzz(every[which], 50, number)
+            count, behind, failures = fuzz(every[which], 50, number)
             tried[which] += count
+            loaded[which] += behind
             for place, data in failures.items():
                 if (which, place) not in failed:
                     file = keep / f"{which}-{os.getpid()}-{len(failed)}{every[which].suffix}"
@@ -195,7 +229,7 @@ def attack(chosen: Sequence[str] | None, seconds: float, number: int, keep: Path
             if time.monotonic() > end:
                 break
         number += 1
-    report.put((tried, failed, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
+    report.put((tried, loaded, failed, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
     os.chdir(keep)
     shutil.rmtree(folder)
 
@@ -224,12 +258,13 @@ def run() -> int:
     for worker in died:
         print(f"a process ended with {worker.exitcode}: its input is in {keep / f'process-{worker.pid}'}")
     reports = [report.get() for _ in range(len(workers) - len(died))]
-    tried = sum((each for each, _, _ in reports), Counter())
-    failed = set().union(*(each for _, each, _ in reports))
-    print(*(f"{which}: {count:,} files" for which, count in tried.items()), sep="\n")
+    tried, loaded = (sum((each[k] for each in reports), Counter()) for k in (0, 1))
+    failed = set().union(*(each[2] for each in reports))
+    shares = (f"{which}: {count:,} files, {loaded[which] / count:.0%} loaded" for which, count in tried.items())
+    print(*shares, *(f"{which}: {place}" for which, place in sorted(failed)), sep="\n")
     print(
         f"{tried.total():,} files in {len(workers)} processes, {len(failed) + len(died)} kinds of failure; most memory "
-        f"{max((peak for _, _, peak in reports), default=0) / 2**20:.2f} GiB"
+        f"{max((each[3] for each in reports), default=0) / 2**20:.2f} GiB"
     )
     return int(bool(failed or died))
 

@@ -21,6 +21,9 @@ from uq.experiment.experiment import Experiment
 
 ROOT = Path(__file__).parents[2]
 
+BODIES = ("cylinder", "cad-report")
+"""Files of docs/experiments that are no experiments."""
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -31,10 +34,15 @@ class Kind:
     command: Callable[[str], list[str]]
     """From the file's name to the command's arguments."""
     text: bool = True
+    behind: str = ""
+    """What the command complains of once it has loaded an original; empty: of nothing."""
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
     """Make the files that are not shipped, in a folder; return every kind by name."""
+    experiments = ROOT / "docs" / "experiments"
+    for name in ("designed.csv", "many-errors-cg.csv", "arm.urdf"):
+        shutil.copy(experiments / name, folder)
     brief = (ROOT / "docs" / "experiments" / "t1-10s.toml").read_bytes().replace(b'"10 s"', b'"4 s"')
     brief = brief.replace(b'"1.5 s"', b'"0.6 s"').replace(b'"400 Hz"', b'"200 Hz"')
     (folder / "e.toml").write_bytes(brief)
@@ -46,19 +54,21 @@ def kinds(folder: Path) -> dict[str, Kind]:
     return {
         "experiment": Kind(
             ".toml",
-            tuple(path.read_bytes() for path in sorted((ROOT / "docs" / "experiments").glob("*.toml")))
+            tuple(path.read_bytes() for path in sorted(experiments.glob("*.toml")) if path.stem not in BODIES)
             + ((ROOT / "uq" / "presets" / "barreto2016.toml").read_bytes(), brief),
-            lambda name: ["inspect", "run.mcap", "--experiment", name],
+            lambda name: ["inspect", "plain.mcap", "--experiment", name],
         ),
         "body": Kind(
             ".toml",
-            tuple((ROOT / "docs" / "experiments" / f"{name}.toml").read_bytes() for name in ("cylinder", "cad-report")),
+            tuple((experiments / f"{name}.toml").read_bytes() for name in BODIES),
             lambda name: ["identify", "nothing.mcap", "--experiment", "e.toml", "--expected", name],
+            behind="nothing.mcap",
         ),
         "rig": Kind(
             ".toml",
             tuple(path.read_bytes() for path in sorted((ROOT / "docs" / "rigs").glob("*.toml"))),
             lambda name: ["record", name, "--seconds", "0.1", "-o", "nowhere/run.mcap"],
+            behind="no folder nowhere",
         ),
         "map": Kind(".toml", (MAP,), lambda name: ["import", "table.csv", "--map", name, "-o", _fresh("made.mcap")]),
         "table": Kind(
@@ -69,6 +79,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             ".json",
             (_centre(),),
             lambda name: ["identify", "nothing.mcap", "--experiment", "e.toml", "--centre", name],
+            behind="nothing.mcap",
         ),
         "mcap": Kind(".mcap", (packed, plain), lambda name: ["inspect", name], text=False),
         "zst": Kind(
@@ -94,6 +105,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
 
 MAP = b"""[columns]
 time = "t"
+time_unit = "s"
 force = ["Fx", "Fy", "Fz"]
 moment = ["Mx", "My", "Mz"]
 angular_velocity = ["wx", "wy", "wz"]
@@ -197,7 +209,7 @@ def _robot(folder: Path) -> bytes:
     (folder / "arm.toml").write_text(
         '[body]\nr_cg_from_q = ["0 m", "0 m", "0 m"]\n'
         '[recording]\nwrench = "on_body"\nurdf = "robot.urdf"\nurdf_frame = "link_4"\n'
-        '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "6 Hz"\n'
+        '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "2 Hz"\n'
     )
     return f'<robot name="arm">\n<link name="base"/>\n{links}</robot>\n'.encode()
 

@@ -1,4 +1,4 @@
-"""What a command says beside its result: lines, and how far its work and the reading of its files are."""
+"""Lines that a command prints beside its result, and bars of its progress."""
 
 import os
 import sys
@@ -47,7 +47,7 @@ class TerminalBar(ProgressBar):
 
 
 class ReadingBar(TerminalBar):
-    """How far the reading of a large file is, as :data:`rig.read_limits.watch` is told."""
+    """A bar of the reading of a large file, for :data:`rig.read_limits.watch`."""
 
     def __init__(self) -> None:
         super().__init__(unit="MB", lines=True)
