@@ -11,10 +11,12 @@ from contextvars import ContextVar
 from typing import SupportsFloat
 
 _CONCISE = ContextVar("concise", default=False)
-ROUNDING = 1e-12
-"""Part of a value below which its uncertainty is the arithmetic's, and it counts as exact."""
+ROUNDING = 1e-9
+"""Part of a value below which its uncertainty is the arithmetic's, and it counts as exact: no instrument has less."""
 DUST = 1e-12
 """Size, in the printed unit, below which a value is a rounding error and printed as 0."""
+MOST_DECIMALS = 8
+"""Decimals from which a figure below 1e-6 is written with a power of ten, ``1.4e−9``; so is one of 1e15 or more."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -44,7 +46,21 @@ def fixed(value: SupportsFloat, places: int) -> str:
         return "∞" if number > 0 else "−∞"
     if math.isnan(number):
         return "–"
-    return f"{round(number, places) + 0.0:.{max(places, 0)}f}".replace("-", "−")
+    shown = round(number, places) + 0.0
+    if places > MOST_DECIMALS and abs(shown) < 1e-6:
+        return _with_power(shown, places) if shown else "0"
+    return _with_power(shown, 0) if abs(shown) >= 1e15 else _decimal(shown, places)
+
+
+def _decimal(number: float, places: int) -> str:
+    return f"{number:.{max(places, 0)}f}".replace("-", "−")
+
+
+def _with_power(number: float, places: int) -> str:
+    """The figure as 1.4e−9, with the digits that so many decimals show; of a large one, two."""
+    digits = places + math.floor(math.log10(abs(number))) if places else 1
+    mantissa, _, exponent = f"{number:.{digits}e}".partition("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
 
 def rounded(value: SupportsFloat, uncertainty: SupportsFloat, digits: int = 2) -> str:
@@ -62,13 +78,16 @@ def with_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, places: i
         uncertainty: of it, in the same unit.
         places: most decimals; what is uncertain by less than half of the last of them stands alone.
     """
+    if abs(float(value)) < DUST and not float(uncertainty) >= DUST:
+        return "0"
     known = math.isfinite(value) and _uncertain(uncertainty, value)
     shown = decimals(uncertainty) if known else decimals(abs(float(value)), 4)
     shown = shown if places is None else min(shown, places)
     after = fixed(uncertainty, shown) if known else "0"
-    if not float(after):
+    if after.strip("0.") == "":
         return fixed(value, shown) if value else "0"
-    return f"{fixed(value, shown)} ± {after}" if not _CONCISE.get() else fixed(value, shown) + _in_parentheses(after)
+    beside = f" ± {after}" if "e" in after or not _CONCISE.get() else _in_parentheses(after)
+    return fixed(value, shown) + beside
 
 
 def beside_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, expanded: SupportsFloat | None = None) -> str:
@@ -107,7 +126,7 @@ def exact(values: Iterable[SupportsFloat]) -> list[str]:
     """Return figures that count as exact: all digits that are stated, six at most, with the same decimals."""
     figures = [float(value) for value in values]
     most = decimals(max(map(abs, figures), default=0.0), 9)  # what is smaller comes from the arithmetic
-    written = [fixed(value, max(min(decimals(abs(value), 6), most), 0) if value else 0) for value in figures]
+    written = [_decimal(value, max(min(decimals(abs(value), 6), most), 0) if value else 0) for value in figures]
     needed = max((len(text.partition(".")[2].rstrip("0")) for text in written), default=0)
     return [fixed(value, needed) for value in figures]
 

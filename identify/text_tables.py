@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from html import escape
 from itertools import takewhile
 
-FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+|\([\d.]+\))?|−?∞")
+FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+(e−\d+)?|\([\d.]+\))?|−?∞")
 
 
 @dataclass(frozen=True, repr=False)

@@ -91,7 +91,7 @@ def judged(result: Identification, problem: Problem) -> Identification:
         warnings=(*result.warnings, *texts, *(verdict.text for verdict in verdicts)),
         by_held_errors=held,
     )
-    return with_misfit(told, shifts if result.admissible is None else shifts * result.admissible.determined)
+    return with_misfit(told, shifts * result.determined)
 
 
 def with_misfit(result: Identification, shift: np.ndarray) -> Identification:

@@ -68,8 +68,7 @@ def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...],
     """Return title, names and covariance of each quantity, without components that are not determined."""
     ten = np.ones(10, bool)
     ten[0] = result.mass is not None
-    if result.admissible is not None:
-        ten[4:] = result.admissible.determined
+    ten[4:] = result.determined
     names = tuple(name for name, told in zip(PARAMETERS, ten, strict=True) if told)
     yield "mass, centre of gravity and tensor", names, result.parameters.covariance[np.ix_(ten, ten)]
     for what, aligned in (("delay", result.delay), ("rotation", result.rotation)):

@@ -139,6 +139,11 @@ class Identification(Result):
         return self.measured.inertia - self.inertia
 
     @property
+    def determined(self) -> np.ndarray:
+        """Mask of the components that the motion determines, (6,)."""
+        return np.ones(6, bool) if self.admissible is None else self.admissible.determined
+
+    @property
     def standard_uncertainty(self) -> np.ndarray:
         """Standard uncertainty of each component [kg·m²]."""
         return np.sqrt(np.diag(self.covariance))

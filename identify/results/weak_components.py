@@ -17,6 +17,8 @@ from identify.signals.run import Run, RunError
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
 NO_BODY = "no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"
+UNDETERMINED = "not determined by this motion"
+"""Interval of a component that is not determined, in a table; the warning has the range that bodies have."""
 WIDE = 0.5
 """Half an interval over the geometric mean of its two moments from which a component counts as uncertain."""
 
@@ -93,10 +95,9 @@ def contradicts_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.nda
 
 
 def _wide_intervals(result: Identification) -> list[str]:
-    determined = np.ones(6, bool) if result.admissible is None else result.admissible.determined
     moments = np.abs(result.inertia[[0, 3, 5]])
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
-    wide = determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
+    wide = result.determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
     names = [name for name, is_wide in zip(COMPONENTS, wide, strict=True) if is_wide]
     advice = "half the interval is more than half the moments there; record for longer, or rotate about more axes"
     return [f"{', '.join(names)} hardly known: {advice}"] if names else []

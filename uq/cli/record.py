@@ -127,7 +127,8 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
             at_terminal = sys.stdout is not None and sys.stdout.isatty()
             lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
             print(*map(on_one_line, lines), sep="\n", flush=True)
-    identified = arguments.identify is None or _identified(path, arguments.identify, terminal.say)
+    reached = target if process is not None and process.target_reached else None
+    identified = arguments.identify is None or _identified(path, arguments.identify, reached, terminal.say)
     return 0 if summary.complete and identified else 1
 
 
@@ -151,10 +152,11 @@ def _beside(
         process.close()
 
 
-def _identified(path: Path, experiment: str, say: Callable[[str], None]) -> bool:
-    """Print what ``inertia identify`` says of the file; whether it could."""
+def _identified(path: Path, experiment: str, reached: float | None, say: Callable[[str], None]) -> bool:
+    """Print what ``inertia identify`` says of the file, a target that it misses first; return whether it could."""
     from uq.experiment.experiment import Experiment
     from uq.identification.identify_files import identify_files
+    from uq.live.estimate_lines import missed
     from uq.report.certificate.certificate import Certificate
     from uq.terminal.common import ERRORS as NOT_IDENTIFIED
     from uq.terminal.common import finish, start_jax
@@ -166,6 +168,8 @@ def _identified(path: Path, experiment: str, say: Callable[[str], None]) -> bool
         say(f"error: {path} is recorded, but cannot be identified: {on_one_line(str(error))}")
         return False
     print()
+    if reached is not None and (text := missed(result.interval95, reached)):
+        print(text)
     finish(Certificate(result), None)
     return True
 

@@ -84,7 +84,9 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
     return replace(
         result,
         lasting_names=(*(f"{ATTITUDE_AXIS}{k + 1}" for k in range(attitudes.lasting)), *names),
-        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig),
+        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig)
+        if wrenches.rig.cell_axes
+        else None,
         warnings=(*_turned(wrenches, experiment.poses), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),

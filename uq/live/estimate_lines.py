@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant, with_uncertainty
@@ -40,6 +41,24 @@ def line_of(estimate: LiveEstimate, target: float | None) -> str:
 def about_target(estimate: LiveEstimate, target: float) -> str:
     """Return how far the target is, or what forbids it; and what undeclared errors add where they exceed it."""
     return f"{_reach(estimate, target)}{_floor(estimate, target)}"
+
+
+def missed(interval95: Float[np.ndarray, "6 2"], target: float) -> str:
+    """Return a line where an identification misses a target that the live estimate had reached; else "".
+
+    Args:
+        interval95: of its components [kg·m²].
+        target: half the interval that every component was to have at most [kg·m²].
+    """
+    half = np.ptp(interval95, axis=1) / 2
+    worst = int(np.argmax(half))
+    if half[worst] <= target:
+        return ""
+    wanted, largest = (significant(GRAM_METRE * x, 2) for x in (target, half[worst]))
+    return (
+        f"the target ± {wanted} g·m² at 95 %, which the estimate while recording had reached, is missed by this result "
+        f"of the whole recording: {COMPONENTS[worst]} has ± {largest}; record for longer, or follow the warnings below"
+    )
 
 
 def _floor(estimate: LiveEstimate, target: float) -> str:

@@ -25,6 +25,7 @@ class SecondProcess:
     Attributes:
         block: lines of the last estimate.
         messages: lines to print once, in their order.
+        target_reached: whether the estimate has reached the target.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class SecondProcess:
         """
         self.block: list[str] = []
         self.messages: deque[str] = deque()
-        self._reached, self._over, self._line, self._next = reached, False, "", 0.0
+        self._end, self.target_reached, self._over, self._line, self._next = reached, False, False, "", 0.0
         options = {"--target": target, "--live": live}
         given = [f"{name}={value!r}" for name, value in options.items() if value is not None]
         command = child_command("uq.live", *given, "--", rig, experiment, run)
@@ -96,9 +97,9 @@ class SecondProcess:
             if message["seconds"] >= self._next:
                 self._line, self._next = message["line"], max(message["seconds"] + PERIOD, 1.1 * message["seconds"])
             if message["reached"] and not self._over:
-                self._over = True
+                self._over = self.target_reached = True
                 self.messages.append(f"{message['line']}: the recording ends")
-                self._reached()
+                self._end()
         if not self._over:
             self.block = []
             self.messages.append(f"warning: {self._why()}; the recording goes on without an estimate")

@@ -36,6 +36,8 @@ class DeclaredConventions:
     imu_position: np.ndarray | None
     """The accelerometer, from Q; None: nobody says."""
     assumptions: tuple[str, ...]
+    cell_axes: bool = True
+    """Whether the wrench is recorded in the load cell's own axes; not in those of the body, as a run of ours is."""
 
     def wrench(self, channel: WrenchChannel) -> tuple[np.ndarray, np.ndarray]:
         """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, point."""
@@ -78,6 +80,7 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
         wrench_rotation=np.eye(3) if wrench_rotation is None else wrench_rotation,
         imu_rotation=np.eye(3) if imu_rotation is None else imu_rotation,
         wrench_point=np.zeros(3) if point is None else point, imu_position=position, assumptions=tuple(assumed),
+        cell_axes=not metadata.wrench_in_body,
     )  # fmt: skip
 
 

@@ -252,6 +252,15 @@ def test_an_exact_mass_and_centre_err_as_the_table_says(still, monkeypatch):
     np.testing.assert_allclose(wide[:4], [1e-3 * still.mass, 1e-3, 1e-3, 1e-3], rtol=1e-6)
 
 
+def test_a_singular_estimate_has_no_figure(by_source):
+    """A change of the mass by 1e137 kg is no price of an error."""
+    huge = Undeclared((effect("mass", [1e140, 0, 0, 0, 0.1, 0, 0, 0, 0, 0]),))
+    result = replace(by_source, undeclared=huge, mass_uncertainty=1e-3)
+    _, *row = undeclared_tables(result)[0].rows[0]
+    assert (row[1], row[5]) == ("–", "0.10")
+    assert result.overview()[1].rows[0][-1] == "not determined"
+
+
 def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
     (line,) = (note for note in by_source.notes() if note.startswith("undeclared"))
     gap = by_source.undeclared.largest(by_source.parameters.standard_uncertainty)

@@ -17,7 +17,7 @@ from uq.experiment.undeclared_table import UndeclaredTable
 from uq.identification.run_sums import ELEMENTS, FEATURES
 from uq.identification.systematic_errors import propagate_constants
 from uq.identification.undeclared import with_undeclared
-from uq.live.estimate_lines import block_of, line_of
+from uq.live.estimate_lines import block_of, line_of, missed
 from uq.live.growing_run import GrowingRun
 from uq.live.live_estimate import LiveEstimate, agreeing, estimated, fit, nodes_of, sources_in
 from uq.live.running_sums import RunningSums
@@ -232,3 +232,11 @@ def test_what_the_motion_does_not_determine_has_no_figure():
     assert np.isinf(estimate.half_width).all()
     assert estimate.seconds_to(1.0) == np.inf
     assert "does not determine I33" in line_of(estimate, None)
+
+
+def test_a_target_that_the_whole_recording_misses_is_named():
+    interval95 = np.array([[0.38, 0.384], [-1e-3, 1e-3], [-2e-3, 2e-3], [0.01, 0.0222], [0, 0], [0.37, 0.38]])
+    assert missed(interval95, 6.1001e-3) == ""
+    assert missed(interval95, 5e-3).startswith("the target ± 5.0 g·m² at 95 %, which the estimate while recording had")
+    assert "I22 has ± 6.1;" in missed(interval95, 5e-3)
+    assert "I33 has ± ∞;" in missed(np.vstack([interval95[:5], [0.0, np.inf]]), 5e-3)

@@ -7,6 +7,8 @@ import pytest
 
 from rig import runs
 from uq.cli.main import main
+from uq.experiment.recording_table import RecordingTable
+from uq.recorded.declared_channels import declared
 
 MAP = """
 [columns]
@@ -66,6 +68,9 @@ def test_units_signs_and_frames_are_undone(files, capsys):
     said = f"50 samples written to {out}\nassumed: the moment is taken about Q\n"
     assert capsys.readouterr().out == said
     got = runs.read(out)
+    assert not declared(
+        got, RecordingTable()
+    ).cell_axes  # so `centre` cannot tell the cell's own reading without a load
     for values, name in (
         (got.wrench.force, "force"),
         (got.wrench.moment, "moment"),

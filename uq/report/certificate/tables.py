@@ -8,6 +8,7 @@ from identify.results.alignment import Aligned
 from identify.results.contributions import evaluation_type
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
+from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from identify.rounding import decimals, exact, fixed, rounded
@@ -31,8 +32,12 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
         expanded: its components with their expanded uncertainty.
     """
     rows = []
-    for row, bias, half in zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, strict=True):
-        rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
+    columns = zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, result.determined, strict=True)
+    for row, bias, half, determined in columns:
+        if determined:
+            rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
+        else:
+            rows.append([row[0], "–", UNDETERMINED, *["–"] * 6])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
     return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, TENSOR_NOTE)
@@ -71,8 +76,8 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     rows = of_intervals(NAMES, value, u, ends, report.coverage_factor, report.coverage_probability).rows()
     if not np.isfinite(ten.mass):
         rows[0] = [f"mass: {MISSING}", *[""] * 7]
-    elif not u[0] > 0:
-        rows[0] = [NAMES[0], *exact([ten.mass]), *["–"] * 6]
+    for k in np.flatnonzero(~(u > 0) & np.isfinite(value)):
+        rows[k] = [NAMES[k], *exact([value[k]]), *["–"] * 6]
     head, *rows = map(_interval_first, (["", *HEAD], *rows))
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
@@ -182,8 +187,8 @@ def bodies(result: Identification) -> list[Table]:
     plain, intervals = GRAM_METRE * admissible.plain, GRAM_METRE * admissible.plain_interval95
     for name, value, (low, high), determined in zip(COMPONENTS, plain, intervals, admissible.determined, strict=True):
         half = (high - low) / 2
-        interval = f"{rounded(low, half)} … {rounded(high, half)}" if determined else "–"
-        rows.append([name, rounded(value, half), interval, "yes" if determined else "no"])
+        figures = [rounded(value, half), f"{rounded(low, half)} … {rounded(high, half)}"] if determined else ["–", "–"]
+        rows.append([name, *figures, "yes" if determined else "no"])
     head = ["", "value", "95 % interval", "determined by the motion"]
     note = f"The result is what bodies allow: {admissible.reason}."
     return [Table("Plain estimate, before bodies alone were allowed, g·m²", head, rows, note)]

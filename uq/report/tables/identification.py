@@ -12,6 +12,7 @@ from identify.results.alignment import listed
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
 from identify.results.undeclared import QUANTITIES
+from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
@@ -29,6 +30,11 @@ UNCERTIFIED = "no interval is certified, and an export needs --force"
 """Consequence of runs that contradict what is declared."""
 WIDE = "with undeclared errors"
 """Heading of the second interval."""
+BEYOND = 1e3
+"""Multiple of the mass, of a metre or of the largest moment above which an uncertainty is printed as not determined.
+
+Choice: the estimate is singular there.
+"""
 
 
 def title(result: Identification) -> str:
@@ -46,19 +52,29 @@ def tables(result: Identification) -> list[Table]:
 def overview(result: Identification) -> list[Table]:
     """Return the components in g·m², and mass and centre of gravity, each with both intervals."""
     second = has_second(result)
-    head = ["g·m²", "value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
     columns = zip(
-        COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95,
-        result.with_undeclared.interval95, strict=True,
+        COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95, result.determined,
+        strict=True,
     )  # fmt: skip
     rows = []
-    for name, value, bias, uncertainty, ends, wide in columns:
+    for name, value, bias, uncertainty, ends, determined in columns:
+        if not determined:
+            rows.append([name, "–", "–", "–", UNDETERMINED])
+            continue
         u = uncertainty if np.isfinite(uncertainty) else 0.1 * abs(value)
         places = decimals(GRAM_METRE * u)
         shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
         figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty)]
-        rows.append([name, shown, *figures, _ends(GRAM_METRE * ends, places), *_second(GRAM_METRE * wide, second)])
-    return [Table("", head, rows), _mass_and_centre(result)]
+        rows.append([name, shown, *figures, _ends(GRAM_METRE * ends, places)])
+    mass_rows = _mass_and_centre(result)
+    if second:
+        wide = _second_intervals(result)
+        mass_rows = [[*row, text] for row, text in zip(mass_rows, wide[:4], strict=True)]
+        known = zip(rows, wide[4:], result.determined, strict=True)
+        rows = [[*row, text if determined else "–"] for row, text, determined in known]
+    head = ["value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
+    caption = f"Mass and centre of gravity: {result.centre_from}"
+    return [Table("", ["g·m²", *head], rows), Table(caption, ["", head[0], *head[2:]], mass_rows)]
 
 
 def has_second(result: Identification) -> bool:
@@ -71,31 +87,41 @@ def _ends(ends: np.ndarray, places: int) -> str:
     return f"{low} … {high}"
 
 
-def _second(ends: np.ndarray, second: bool) -> list[str]:
-    """The second interval to two digits of half of it, where there is one."""
-    half = float(np.ptp(ends)) / 2
-    return [_ends(ends, decimals(half)) if half > 0 else "–"] * second
+def _second_intervals(result: Identification) -> list[str]:
+    """The second interval of each of the ten parameters, to two digits of half of it; – for none."""
+    wide = result.with_undeclared
+    centre = mass_and_centre.interval95(wide.parameters, wide.centre_factor)
+    units = [*mass_and_centre.UNITS, *[GRAM_METRE] * 6]
+    texts = []
+    for ends, unit, largest in zip([*centre, *wide.interval95], units, _largest(result), strict=True):
+        half = float(np.ptp(ends)) / 2
+        known = _ends(unit * ends, decimals(unit * half)) if half > 0 else "–"
+        texts.append("not determined" if half > largest else known)
+    return texts
 
 
-def _mass_and_centre(result: Identification) -> Table:
-    """Value, standard uncertainty and intervals of mass and centre of gravity; – for what is not known."""
-    ten, wide, second, rows = result.parameters, result.with_undeclared, has_second(result), []
-    for name, unit, value, u, ends, wide_ends in zip(
-        mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty,
-        mass_and_centre.interval95(ten, result.centre_factor),
-        mass_and_centre.interval95(wide.parameters, wide.centre_factor), strict=False,
-    ):  # fmt: skip
+def _largest(result: Identification) -> np.ndarray:
+    """Uncertainty of each of the ten parameters above which it counts as not determined [kg, m, kg·m²]."""
+    return BEYOND * np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
+
+
+def _mass_and_centre(result: Identification) -> list[list[str]]:
+    """Value, standard uncertainty and first interval of mass and centre of gravity; – for what is not known."""
+    ten, rows = result.parameters, []
+    ends = mass_and_centre.interval95(ten, result.centre_factor)
+    columns = zip(
+        mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty, ends, strict=False
+    )
+    for name, unit, value, u, interval in columns:
         if not np.isfinite(value):
-            rows.append([name, *["–"] * (3 + second)])
-            continue
-        if u > 0:
+            rows.append([name, "–", "–", "–"])
+        elif u > 0:
             places = decimals(unit * u)
-            figures = [beside_uncertainty(unit * value, unit * u), fixed(unit * u, places), _ends(unit * ends, places)]
+            figures = beside_uncertainty(unit * value, unit * u), fixed(unit * u, places)
+            rows.append([name, *figures, _ends(unit * interval, places)])
         else:
-            figures = [*exact([unit * value]), "–", "–"]
-        rows.append([name, *figures, *_second(unit * wide_ends, second)])
-    head = ["", "value", "standard uncertainty", "95 % interval", *[WIDE] * second]
-    return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
+            rows.append([name, *exact([unit * value]), "–", "–"])
+    return rows
 
 
 def run_table(result: Identification) -> Table:
@@ -118,12 +144,14 @@ def undeclared_tables(result: Identification) -> list[Table]:
     effects = result.undeclared.effects
     with_centre = any(effect.parameters[:4].any() for effect in effects)
     shown = slice(0 if with_centre else 4, 10)
-    unit = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])
-    rows = []
-    for effect in effects:
-        figures = (unit * effect.parameters)[shown]
-        rows.append([effect.text, effect.figure, *(two_digits(x, effect.signed) for x in figures)])
-    rows.append(["together", "", *(two_digits(x) for x in (unit * result.undeclared.standard_uncertainty)[shown])])
+    unit, largest = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])[shown], _largest(result)[shown]
+
+    def row(text: str, typical: str, changes: np.ndarray, signed: bool = False) -> list[str]:
+        figures = zip(unit, changes[shown], largest, strict=True)
+        return [text, typical, *(two_digits(a * x, signed) if abs(x) <= most else "–" for a, x, most in figures)]
+
+    rows = [row(effect.text, effect.figure, effect.parameters, effect.signed) for effect in effects]
+    rows.append(row("together", "", result.undeclared.standard_uncertainty))
     head = ["", "typical", *(("mass", "r1", "r2", "r3") if with_centre else ()), *COMPONENTS]
     units = "g·m²; mass in g, centre of gravity in mm" if with_centre else "g·m²"
     return [Table(f"Undeclared errors at typical size: standard uncertainties, {units}", head, rows, UNDECLARED_NOTE)]
@@ -198,7 +226,7 @@ def _offsets(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray) -> Iterator[st
 def _undeclared(result: Identification) -> Iterator[str]:
     """A line on the undeclared error that widens an interval most; where none is known, on the size of one of them."""
     if result.undeclared is None:
-        scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia)))
+        scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia) * result.determined))
         half = two_digits(GRAM_METRE * mass_and_centre.NORMAL * scale * float(np.abs(result.inertia[k])))
         cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) tells all"
         yield (
@@ -285,5 +313,5 @@ RESIDUALS = (
 RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
 UNDECLARED_NOTE = (
     "Neither declared as a source nor estimated: the second intervals hold them. To first order; with a sign: a bias, "
-    "which counts as a standard uncertainty. The figures are those of [undeclared]."
+    "which counts as a standard uncertainty; –: not determined. The figures are those of [undeclared]."
 )
