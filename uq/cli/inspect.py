@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
 
 
+NO_NOISE = (
+    "the experiment declares no noise: `inertia noise STILL.mcap -o sources.toml` measures it from a recording at rest"
+)
+
+
 class MistakeError(Exception):
     """A mistake in the experiment or in how it declares the run, in one line."""
 
@@ -35,6 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
         report = inspect_run(path) if experiment is None else _inspect_as_declared(path, experiment)
         print(json.dumps(report.to_dict()) if arguments.json else report)
         suspicious = suspicious or bool(report.findings)
+    if experiment is not None and not arguments.json and not any(source.noise for source in experiment.sources):
+        print(NO_NOISE)
     return 1 if suspicious else 0
 
 

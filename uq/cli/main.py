@@ -29,6 +29,7 @@ COMMANDS = {
     "import": "write the named columns of a table as an MCAP run",
     "recover": "save every intact message of a cut or damaged MCAP file",
     "inspect": "channels, rates, gaps, held samples, clocks, suspicious units and axes of a run",
+    "noise": "noise of every channel of a recording at rest, as sources for an experiment",
     "simulate": "write a synthetic recorded run with the experiment's errors",
     "centre": "mass, centre of gravity and the load cell's offsets from static poses",
     "plan": "which sensor is worth improving, and how long must I measure?",

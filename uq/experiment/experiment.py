@@ -27,6 +27,7 @@ from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
 from uq.experiment.arm_table import DeclaredArm
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
+from uq.experiment.included_sources import with_included
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
@@ -135,9 +136,11 @@ class Experiment(Shown):
         """Build an experiment from the content of a file, beside the files that it names; see :meth:`load`."""
         if bodies := _bodies(document):
             raise ExperimentError(f"several bodies in [body] ({listed(bodies)}): this takes a file with one [body]")
+        folder = Path(folder)
+        document = with_included(document, folder)
         report = plain_values(document.get("report", {}))
         refuse_claims(report)
-        file, folder = declared_table("", _with_new_names(document), ExperimentFile), Path(folder)
+        file = declared_table("", _with_new_names(document), ExperimentFile)
         sources, mixing = sources_of(file.source, file.correlation, folder)
         body, platform, recording = file.body or BodyTable(), file.platform, file.recording
         if recording.urdf is not None:

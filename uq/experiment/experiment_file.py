@@ -64,6 +64,8 @@ class EstimatorTable(TomlTable, frozen=True, kw_only=True):
 class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     """An experiment file: a body on a platform with its sensors."""
 
+    include: tuple[str, ...] = ()
+    """Files of ``[[source]]`` tables, as `inertia noise` writes them, whose sources count here; beside this file."""
     body: BodyTable | None = None
     platform: PlatformTable = PlatformTable()
     trajectory: Mapping[str, SphereTable | HarmonicTable | MultisineTable] = {}

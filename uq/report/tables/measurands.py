@@ -1,9 +1,9 @@
-"""The views of small results: bodies, a bound, a model's law, distributions and indices, tests."""
+"""The views of small results: bodies, a bound, a model's law, distributions and indices, tests, a sensor's noise."""
 
 import numpy as np
 
 from identify.joint.cramer_rao_bound import Bound
-from identify.reporting import Section, uncaptioned
+from identify.reporting import Drawing, Section, uncaptioned
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import beside_uncertainty, common_power, fixed, in_power, rounded, significant, with_uncertainty
@@ -14,6 +14,8 @@ from uq.coverage.coverage_intervals import Verdict
 from uq.identification.run_scatter import ScatterVerdict
 from uq.propagation.law_of_propagation import LinearLaw
 from uq.propagation.propagation_of_distributions import Propagation
+from uq.recorded.still_noise import StillNoise
+from uq.report.drawing import drawing
 from uq.sensitivity.sobol_shapley import Sensitivity
 from uq.sensitivity.variance_shares import Indices
 from uq.sources.quasi_random import REPLICATES
@@ -157,6 +159,52 @@ def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarra
     return indices.value[:, output], indices.standard_error[:, output]
 
 
+def noise_title(result: StillNoise) -> str:
+    """Return what the tables are of."""
+    return f"Noise of {result.file} at rest, {significant(result.seconds)} s"
+
+
+def noise_tables(result: StillNoise) -> list[Table]:
+    """Return N, B and K of each channel with their intervals, drift and step; then the spectral lines."""
+    rows, lines = [], []
+    for channel in result.channels:
+        noise, name = channel.noise, f"{channel.target}{channel.axis + 1}, {channel.unit}".replace("*", "·")
+        row = [name.replace("^2", "²").replace("omega", "ω")]
+        for value, (low, high) in zip(noise.values, noise.interval95, strict=True):
+            half = (high - low) / 2
+            ends = f"{rounded(low, half)} … {rounded(high, half)}" if low > 0 else f"< {significant(high, 2)}"
+            row += [rounded(value, half) if low > 0 else "–", ends]
+        drift = with_uncertainty(3600 * noise.drift, 3600 * noise.drift_uncertainty)
+        rows.append([*row, drift, significant(noise.step) if noise.step else "–"])
+        lines += [
+            [row[0], significant(line.frequency, 4), with_uncertainty(line.amplitude, line.standard_uncertainty)]
+            for line in noise.lines[:MOST_LINES]
+        ]
+    head = ["", "white N, s^½", "95 %", "flicker B", "95 %", "random walk K, s^-½", "95 %", "drift an hour", "step"]
+    found = [Table("Spectral lines, the largest of each channel", ["", "Hz", "amplitude"], lines)] if lines else []
+    return [Table("Noise of each channel", head, rows, NOISE_NOTE), *found]
+
+
+def noise_notes(result: StillNoise) -> list[str]:
+    """Return the warnings, a line each."""
+    return [f"warning: {text}" for text in result.warnings]
+
+
+def noise_drawings(result: StillNoise) -> list[Drawing]:
+    """Return the Allan deviations with their fit."""
+    return [drawing("allan", ALLAN, "noise.allan_deviations", result.channels)]
+
+
+MOST_LINES = 3
+"""Lines of a channel that a table shows; result.json holds all."""
+ALLAN = (
+    "Overlapping Allan deviation of each channel (points) and that of the fitted white noise, flicker and random walk "
+    "(lines). Above a tenth of the recording points scatter, and lie low: the straight line of the drift is taken off."
+)
+NOISE_NOTE = (
+    "N, B and K as in IEEE Std 952, from a spectrum by the likelihood of Whittle; the signal's unit times that of the "
+    "heading. <: not seen, with an upper limit of 95 %. Drift: the straight line through the recording."
+)
 SPREAD = (
     f"standard errors: from the spread of {REPLICATES} replicates, times √({REPLICATES - 1}/{REPLICATES - 3}), the "
     f"standard deviation of Student's t; within two of them in 95 of 100 cases."

@@ -1,0 +1,37 @@
+"""``inertia noise``: noise of every channel of a recording at rest, as sources that an experiment includes."""
+
+import argparse
+from pathlib import Path
+
+from rig.exceptions import RigError, on_one_line, quoted
+from uq.experiment.experiment import Experiment
+from uq.files.toml_text import toml_text
+from uq.recorded.still_noise import still_noise
+from uq.terminal.common import ERRORS, finish, output_folder, start_jax
+
+__all__ = ["ERRORS", "configure", "run"]
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("still", metavar="STILL.mcap", help="a recording at rest, as long as a measurement or longer")
+    parser.add_argument("-o", "--output", metavar="SOURCES.toml", help="file of sources to write; must not exist")
+    parser.add_argument("--experiment", metavar="E.toml", help="meaning of the channels: units, signs, frames")
+    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figure with the fit")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    start_jax()
+    recording = None if arguments.experiment is None else Experiment.load(arguments.experiment).recording
+    output = None if arguments.output is None else Path(arguments.output)
+    if output is not None and output.exists():
+        raise RigError(f"{quoted(str(output))} exists: give another name to -o")
+    with output_folder(arguments.out) as out:
+        result = still_noise(arguments.still, recording)
+        finish(result, out)
+    if output is not None:
+        output.write_text(toml_text(result.sources()).lstrip(), "utf-8")
+        print()
+        print(on_one_line(f'{output} is written; an experiment takes it by include = ["{output.name}"]'))
+    return 0

@@ -1,0 +1,34 @@
+"""Figure of the Allan deviations of a recording at rest."""
+
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import FigureBase
+
+from uq.recorded.still_noise import TARGETS, ChannelNoise
+from uq.report.figures.style import AXIS_COLOURS, PAGE, STYLE, new_figure
+
+TITLES = {"F": "force [N]", "M": "moment [N·m]", "omega": "angular velocity [rad/s]", "f": "specific force [m/s²]"}
+
+
+def allan_deviations(channels: Sequence[ChannelNoise]) -> FigureBase:
+    """Draw each signal's overlapping Allan deviation over the averaging time, with that of the fitted noise.
+
+    Args:
+        channels: axes of signals, in any order.
+    """
+    targets = [target for target in TARGETS if any(channel.target == target for channel in channels)]
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(PAGE, 2.6 * -(-len(targets) // 2), layout="constrained")
+        panels = np.atleast_1d(figure.subplots(-(-len(targets) // 2), min(len(targets), 2))).flat
+        for panel, target in zip(panels, targets, strict=False):
+            for channel in channels:
+                if channel.target == target:
+                    colour, tau = AXIS_COLOURS[channel.axis], channel.tau
+                    fit = channel.noise.allan_deviation(tau)
+                    panel.plot(tau, channel.deviation, "o", color=colour, markersize=2, label=f"b{channel.axis + 1}")
+                    panel.plot(tau, fit, color=colour)
+            panel.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel=TITLES[target])
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
