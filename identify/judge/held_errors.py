@@ -14,15 +14,15 @@ from jaxtyping import Float
 from identify.joint.joint_model import TEN
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
-from identify.joint.priors import indices
+from identify.joint.priors import STATIC, indices
 from identify.judge.causes import accelerometer_scale, derivative
 from identify.judge.evidence import products
 from identify.judge.run_fit import RunFit
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
 
-HELD = ("gyro_scale", "cell_matrix", "mass", "r_cg", "gravity")
-"""Unknowns of :data:`identify.joint.joint_model.SIZES` that a joint estimate may take as exact."""
+HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
+"""Unknowns of :data:`identify.joint.joint_model.SIZES` that an estimate may take as exact, or from static poses."""
 FLEXIBILITY = "flexibility"
 """Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""
 ACCELEROMETER_SCALE = "accelerometer_scale"

@@ -32,7 +32,7 @@ class Effect(NamedTuple):
     """Typical size of the error, with its unit."""
     changes: Float[np.ndarray, "10 k"]
     """Change of mass, r_CG and tensor by one standard uncertainty of each of the error's independent numbers [kg, m,
-    kg·m²]."""
+    kg·m²]; of static poses mass, r_CG and offsets [kg, m, N, N·m]."""
     signed: bool = False
     """Whether the change is a bias of known sign, which counts as a standard uncertainty."""
 
@@ -55,6 +55,14 @@ class Gap(NamedTuple):
     """Index among the ten parameters."""
     share: float
     """Part of the parameter's variance, declared and undeclared errors together."""
+
+    @property
+    def text(self) -> str:
+        """The gap in words."""
+        return (
+            f"undeclared: {self.effect.text}, at a typical {self.effect.figure}, is {100 * self.share:.0f} % of u² of "
+            f"{QUANTITIES[self.parameter][0]} with undeclared errors: declare it, or write your figure in [undeclared]"
+        )
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,22 @@ At rest (4) leaves ``F = m f + F0`` and ``M = r × m f + M0``, where f is the sp
 perfect accelerometer reads, opposite to gravity): linear in ``(m, F0)`` and in ``(m r, M0)``.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
-from identify.rounding import fixed, significant
+from identify.rigid_body.regressor import cross_matrices
+from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import refuse_excess
 from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
-from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, fit, predicted_fit
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, predicted_fit
+from identify.static.pose_outliers import Creep, Outlier, PoseSignals, creep, fitted, outliers
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -23,6 +27,7 @@ LARGE_RESIDUAL = 0.03
 """Residual force, as a part of the weight, that is worth a warning."""
 UNEVEN = 5.0
 """Ratio of the centre of gravity's largest to its smallest uncertainty by direction, above which a warning is due."""
+AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 SMALL = 1e-9
 """Uncertainty of a centre of gravity that no poses reach [m]."""
 ORDER = (0, 4, 5, 6, 1, 2, 3, 7, 8, 9)
@@ -37,6 +42,8 @@ def centre(
     attitudes: Attitudes = EXACT,
     mass: tuple[float, float] | None = None,
     name: str = "the poses",
+    used: Sequence[bool] | Bool[np.ndarray, " n"] | None = None,
+    labels: Sequence[str] | None = None,
 ) -> Centre:
     """Estimate mass, centre of gravity and offsets from static poses by least squares.
 
@@ -46,6 +53,9 @@ def centre(
     A mass from a scale is one more observation, unless the load cell's own contradicts it: then the mass is the
     scale's, and centre and offsets are those of the load cell alone, whose gain cancels in ``(m r) / m``.
 
+    A pose that the others contradict is named and kept: its residual widens the intervals. Readings that lag behind the
+    load (creep, hysteresis) are corrected by a lag that is estimated along. See :mod:`identify.static.pose_outliers`.
+
     Args:
         force: mean force on the body, in B [N], shape (n, 3).
         moment: mean moment on the body about Q, in B [N·m], shape (n, 3).
@@ -53,14 +63,24 @@ def centre(
         attitudes: how far the direction of ``specific_force`` may be off.
         mass: from a scale, with its standard uncertainty [kg].
         name: what messages call the data.
+        used: which poses count; None: all. The others are still what the load was before the next pose.
+        labels: what messages call the poses; None: by their numbers, from 1.
 
     Raises:
         RunError: wrong shapes, fewer than three poses, poses too similar, a mass that is not positive.
     """
-    F, M, f = (np.asarray(x, float) for x in (force, moment, specific_force))
-    _check(F, M, f, name)
+    signals = PoseSignals(*(np.asarray(x, float) for x in (force, moment, specific_force)))
+    _check_signals(signals, name)
+    f = signals.specific_force
+    counted = np.ones(len(f), bool) if used is None else np.asarray(used, bool)
+    _check_poses(f[counted], name)
     gravity = float(np.linalg.norm(f, axis=1).mean())
-    solution = fit(F, M, f, attitudes)
+    named = outliers(signals, attitudes, counted)
+    lag = creep(signals, attitudes, counted & ~np.isin(np.arange(len(f)), [outlier.pose for outlier in named]))
+    memory = None if lag is None else lag.columns
+    if lag is not None:
+        named = outliers(signals, attitudes, counted, memory)
+    solution = fitted(signals, attitudes, counted, memory=memory)
     if solution.values[0] <= 0:
         raise RunError(
             f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench is that on the "
@@ -68,21 +88,48 @@ def centre(
         )
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
-        solution = fit(F, M, f, attitudes, mass=mass)
+        solution = fitted(signals, attitudes, counted, mass=mass, memory=memory)
     values, jacobian = _parameters(solution)
     covariance, lasting = jacobian @ solution.covariance @ jacobian.T, jacobian @ solution.lasting
+    by_wrench = np.zeros((LINEAR, *f.shape[:1], 6))
+    by_wrench[:, counted] = np.einsum("pq,qnc->pnc", jacobian, solution.gain)
     degrees = solution.degrees_of_freedom[list(ORDER)]
     if mass is not None and check is not None and check.contradicts:
         values[0], degrees[0] = mass[0], np.inf
         covariance[0], covariance[:, 0] = 0.0, 0.0
         covariance[0, 0] = mass[1] ** 2
-        lasting[0] = 0.0
+        lasting[0], by_wrench[0] = 0.0, 0.0
     result = Centre(
         mass=float(values[0]), r_cg=values[1:4], force_offset=values[4:7], moment_offset=values[7:],
         covariance=covariance, residuals=solution.residuals, degrees_of_freedom=degrees, gravity=gravity, gain=check,
-        largest_tilt=_largest_tilt(f), lasting=lasting if lasting.size else None,
+        largest_tilt=_largest_tilt(f[counted]), lasting=lasting if lasting.size else None, by_wrench=by_wrench,
     )  # fmt: skip
-    return _warned(result)
+    labels = labels or [f"pose {number}" for number in range(1, len(f) + 1)]
+    judged = [*map(_lagging, [] if lag is None else [lag]), *(_off(outlier, labels) for outlier in named)]
+    return _warned(result, judged, f[counted])
+
+
+def _lagging(lag: Creep) -> str:
+    """The warning that readings lag behind the load."""
+    force, moment = (
+        with_uncertainty(100 * part, 100 * u) for part, u in zip(lag.part, lag.standard_uncertainty, strict=True)
+    )
+    return (
+        f"the readings lag behind the load: {force} % of its change since the poses before is missing in the force, "
+        f"{moment} % in the moment (creep or hysteresis). The result is corrected for it; hold each pose for longer "
+        "before it counts"
+    )
+
+
+def _off(outlier: Outlier, labels: Sequence[str]) -> str:
+    """The warning that the others contradict a pose."""
+    unit = "N" if outlier.axis < 3 else "N·m"
+    number = labels[outlier.pose].split()[1]
+    return (
+        f"{labels[outlier.pose]} contradicts the others: its {AXES[outlier.axis]} is off by "
+        f"{significant(outlier.size, 2)} {unit}, {outlier.ratio:.0f} of their standard deviations. The intervals are "
+        f"the wider for it; measure it again, or leave it out with --without {number}"
+    )
 
 
 def predicted_covariance(
@@ -113,9 +160,9 @@ def _checked(solution: PoseFit, mass: tuple[float, float]) -> GainCheck:
     return gain_check(*mass, float(solution.values[0]), float(np.sqrt(solution.covariance[0, 0])), factor)
 
 
-def _warned(result: Centre) -> Centre:
-    """The centre with its warnings."""
-    warnings = []
+def _warned(result: Centre, judged: Sequence[str], f: np.ndarray) -> Centre:
+    """The centre with its warnings, beside those of single poses."""
+    warnings = [*judged]
     share = result.residual[0] / (result.mass * result.gravity)
     if share >= LARGE_RESIDUAL:
         warnings.append(
@@ -124,7 +171,7 @@ def _warned(result: Centre) -> Centre:
         )
     axes, along = result.directions
     ratio = along[2] / max(along[0], SMALL)
-    if ratio > UNEVEN:
+    if min(ratio, _unevenness(f)) > UNEVEN:
         worst = ", ".join(fixed(x, 2) for x in axes[2])
         warnings.append(
             f"the poses tell the centre of gravity {ratio:.1f} times worse along ({worst}), to "
@@ -136,6 +183,13 @@ def _warned(result: Centre) -> Centre:
     return replace(result, warnings=tuple(warnings))
 
 
+def _unevenness(f: Float[np.ndarray, "n 3"]) -> float:
+    """Ratio of the centre of gravity's largest to its smallest uncertainty where all axes of the moment are alike."""
+    levers = cross_matrices(f - f.mean(axis=0))
+    information = np.linalg.eigvalsh(np.einsum("nij,nik->jk", levers, levers))
+    return float(np.sqrt(information[2] / max(information[0], 1e-300)))
+
+
 def _largest_tilt(f: np.ndarray) -> float:
     """The largest angle [rad] between a pose's specific force and their mean; half a turn where the mean vanishes."""
     up = f / np.linalg.norm(f, axis=1, keepdims=True)
@@ -144,14 +198,18 @@ def _largest_tilt(f: np.ndarray) -> float:
     return float(np.arccos(np.clip(up @ mean / length, -1, 1)).max()) if length > 1e-6 else float(np.pi)
 
 
-def _check(F: np.ndarray, M: np.ndarray, f: np.ndarray, name: str) -> None:
-    for what, values in (("force", F), ("moment", M), ("specific force", f)):
-        if values.ndim != 2 or values.shape != (len(F), 3):
-            raise RunError(f"{what} of {name} has shape {values.shape}: give ({len(F)}, 3), three components a pose")
+def _check_signals(signals: PoseSignals, name: str) -> None:
+    for what, values in zip(("force", "moment", "specific force"), signals, strict=True):
+        if values.ndim != 2 or values.shape != (len(signals[0]), 3):
+            shape = f"({len(signals[0])}, 3), three components a pose"
+            raise RunError(f"{what} of {name} has shape {values.shape}: give {shape}")
         if not np.isfinite(values).all():
             bad = int(np.argmax(~np.isfinite(values).all(axis=1)))
             raise RunError(f"{what} of {name} is not finite at pose {bad + 1}: correct or remove it")
         refuse_excess(what, values, name)
+
+
+def _check_poses(f: np.ndarray, name: str) -> None:
     if len(f) < 3:
         raise RunError(f"{len(f)} poses in {name}: give three or more, tilted about two axes")
     spread = np.linalg.svd(f - f.mean(axis=0), compute_uv=False) / (np.linalg.norm(f, axis=1).mean() * np.sqrt(len(f)))

@@ -9,6 +9,7 @@ import scipy
 
 from identify.exceptions import RunError
 from identify.reporting import VERSION, Result
+from identify.results.undeclared import Effect, Undeclared
 from identify.static.gain_check import GainCheck
 
 PARAMETERS = (
@@ -56,6 +57,10 @@ class Centre(Result):
     """Change of the ten by errors that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
     lasting_names: tuple[str, ...] = ()
     """Names of the errors in ``lasting``, by which the errors of two series are matched."""
+    undeclared: Undeclared | None = None
+    """Errors that ``interval95`` leaves out, at typical size, and what they do to the ten; None: not looked at."""
+    by_wrench: np.ndarray | None = None
+    """Derivative of the ten by the wrench of each pose (10, n, 6); None: read from a file, which does not hold it."""
     file_name = "centre.json"
     kind = "inertia centre"
     """The file that holds it."""
@@ -79,6 +84,14 @@ class Centre(Result):
     def interval95(self) -> np.ndarray:
         """Coverage intervals of 95 % of the ten parameters, (10, 2)."""
         half = self.coverage_factor * self.standard_uncertainty
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+    @property
+    def interval95_with_undeclared(self) -> np.ndarray | None:
+        """Coverage intervals of 95 % with undeclared errors at typical size, too, (10, 2); None: not known."""
+        if self.undeclared is None:
+            return None
+        half = self.undeclared.half_width(self.coverage_factor * self.standard_uncertainty)
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
@@ -112,18 +125,26 @@ class Centre(Result):
         (force, moment), (axes, along) = self.residual, self.directions
         degrees = np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS))
 
-        def block(value: Any, where: slice) -> dict[str, Any]:
-            return {"value": value.tolist(), "standard_uncertainty": u[where], "interval95": intervals[where]}
+        wide = self.interval95_with_undeclared
+        second = None if wide is None else wide.tolist()
+
+        def block(value: Any, where: slice | int) -> dict[str, Any]:
+            return {
+                "value": value,
+                "standard_uncertainty": u[where],
+                "interval95": intervals[where],
+                "interval95_with_undeclared": None if second is None else second[where],
+            }
 
         return {
             **self.form(),
             "frame": "body",
             "about": "Q",
-            "mass": {"value": self.mass, "standard_uncertainty": u[0], "interval95": intervals[0]},
-            "cg": block(self.r_cg, slice(1, 4)),
+            "mass": block(self.mass, 0),
+            "cg": block(self.r_cg.tolist(), slice(1, 4)),
             "offsets": {
-                "force": block(self.force_offset, slice(4, 7)),
-                "moment": block(self.moment_offset, slice(7, 10)),
+                "force": block(self.force_offset.tolist(), slice(4, 7)),
+                "moment": block(self.moment_offset.tolist(), slice(7, 10)),
             },
             "zero": None if self.zero is None else {"force": self.zero[:3].tolist(), "moment": self.zero[3:].tolist()},
             "parameters": list(PARAMETERS),
@@ -135,6 +156,7 @@ class Centre(Result):
             "largest_tilt": self.largest_tilt,
             "lasting": None if self.lasting is None else self.lasting.tolist(),
             "lasting_names": list(self.lasting_names),
+            "undeclared": None if self.undeclared is None else list(map(_effect_content, self.undeclared.effects)),
             "gain": None if self.gain is None else self.gain.to_dict(),
             "residual": {"force": force, "moment": moment},
             "residuals": self.residuals.tolist(),
@@ -166,9 +188,18 @@ class Centre(Result):
 
     def records(self) -> list[dict[str, Any]]:
         """Return value, standard uncertainty and interval of each of the ten parameters, in SI."""
-        columns = zip(PARAMETERS, UNITS, self.values, self.standard_uncertainty, *self.interval95.T, strict=True)
-        names = ("parameter", "unit", "value", "standard_uncertainty", "low95", "high95")
-        return [dict(zip(names, row, strict=True)) for row in columns]
+        columns = {
+            "parameter": PARAMETERS, "unit": UNITS, "value": self.values,
+            "standard_uncertainty": self.standard_uncertainty,
+            "low95": self.interval95[:, 0], "high95": self.interval95[:, 1],
+        }  # fmt: skip
+        if (wide := self.interval95_with_undeclared) is not None:
+            columns |= {"low95_with_undeclared": wide[:, 0], "high95_with_undeclared": wide[:, 1]}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _effect_content(effect: Effect) -> dict[str, Any]:
+    return effect._asdict() | {"changes": effect.changes.tolist()}
 
 
 class _Content:
@@ -232,6 +263,25 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         provenance=dict(provenance),
         lasting=lasting,
         lasting_names=names,
+        undeclared=_undeclared(content),
+    )
+
+
+def _undeclared(content: _Content) -> Undeclared | None:
+    effects = content.content.get("undeclared")
+    if effects is None:
+        return None
+    try:
+        texts = [[str(effect[key]) for key in ("name", "text", "figure")] for effect in effects]
+        tables = [_Content(effect, content.name) for effect in effects]
+    except (TypeError, KeyError):
+        raise RunError(f"undeclared of {content.name} is no list of errors: run `inertia centre` again") from None
+    changes = [table.array("changes", shape=(len(PARAMETERS), -1)) for table in tables]
+    return Undeclared(
+        tuple(
+            Effect(name=name, text=text, figure=figure, changes=by)
+            for (name, text, figure), by in zip(texts, changes, strict=True)
+        )
     )
 
 

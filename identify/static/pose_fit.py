@@ -9,7 +9,7 @@ to all poses do not show in the residuals and come on top.
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identify.rigid_body.regressor import cross_matrices
 
@@ -32,6 +32,12 @@ class Attitudes:
     """Change of each pose's wrench by one standard uncertainty of e independent errors of load cell or gravity [N,
     N·m], which last from series to series; None: none."""
 
+    def of(self, poses: Bool[np.ndarray, " n"]) -> "Attitudes":
+        """Return those of some of the poses."""
+        each = np.broadcast_to(np.asarray(self.each, float), len(poses))[poses]
+        common, wrench = (None if x is None else x[poses] for x in (self.common, self.wrench))
+        return Attitudes(each, common, self.lasting, wrench)
+
 
 EXACT = Attitudes()
 
@@ -48,6 +54,21 @@ class PoseFit:
     """Effective degrees of freedom of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
     lasting: Float[np.ndarray, "10 k"] = field(default_factory=lambda: np.zeros((LINEAR, 0)))
     """Change of the values by lasting errors of one standard uncertainty each."""
+    gain: Float[np.ndarray, "10 n 6"] = field(default_factory=lambda: np.zeros((LINEAR, 0, CHANNELS)))
+    """Derivative of the values by the wrench of each pose."""
+    memory: Float[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0))
+    """Coefficients of the wrench's further columns."""
+    memory_uncertainty: Float[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0))
+    """Standard uncertainties of ``memory``."""
+    leverage: Float[np.ndarray, "n 6"] = field(default_factory=lambda: np.zeros((0, CHANNELS)))
+    """Derivative of each fitted reading by the measured one: the diagonal of the hat matrix."""
+
+    def predicted(
+        self, specific_force: Float[np.ndarray, "k 3"], memory: Float[np.ndarray, "k 6 c"] | None = None
+    ) -> Float[np.ndarray, "k 6"]:
+        """Return the wrench that the fit predicts for poses."""
+        wrench = _rows(specific_force) @ self.values
+        return wrench if memory is None else wrench + memory @ self.memory
 
 
 def fit(
@@ -57,6 +78,7 @@ def fit(
     attitudes: Attitudes = EXACT,
     *,
     mass: tuple[float, float] | None = None,
+    memory: Float[np.ndarray, "n 6 c"] | None = None,
 ) -> PoseFit:
     """Return the least squares of ``F = m f + F0`` and ``M = (m r) × f + M0``.
 
@@ -66,14 +88,18 @@ def fit(
         specific_force: opposite to gravity [m/s²].
         attitudes: how far this may be off.
         mass: from a scale, with its standard uncertainty, as one more observation [kg].
+        memory: further columns of the wrench, whose coefficients are estimated along.
     """
     rows, measured = _rows(specific_force), np.hstack([force, moment])
+    if memory is not None:
+        rows = np.concatenate([rows, memory], axis=2)
     gain = _gain(rows)
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
-    free = np.maximum(len(rows) - np.einsum("ncp,pnc->c", rows, gain), 0.1)
+    leverage = np.einsum("ncp,pnc->nc", rows, gain)
+    free = np.maximum(len(rows) - leverage.sum(axis=0), 0.1)
     tilts, by_attitude = _attitude_effects(values, gain, specific_force, attitudes)
-    by_cell = np.zeros((LINEAR, 0)) if attitudes.wrench is None else np.einsum("pnc,nck->pk", gain, attitudes.wrench)
+    by_cell = np.zeros((len(gain), 0)) if attitudes.wrench is None else np.einsum("pnc,nck->pk", gain, attitudes.wrench)
     lasting = attitudes.lasting + by_cell.shape[1]
     common_effect = np.hstack([by_attitude[:, : attitudes.lasting], by_cell, by_attitude[:, attitudes.lasting :]])
     scatter = _scatter(residuals, free, tilts)
@@ -84,9 +110,11 @@ def fit(
         common_effect = np.column_stack([factor @ common_effect, mass_gain * mass[1]])
     covariance = _covariance(gain, scatter, tilts, common_effect)
     degrees = _degrees(gain, scatter, float(free.min()), np.diag(covariance))
+    ten, more = slice(LINEAR), slice(LINEAR, None)
     return PoseFit(
-        values=values, covariance=covariance, residuals=measured - rows @ values, degrees_of_freedom=degrees,
-        lasting=common_effect[:, :lasting],
+        values=values[ten], covariance=covariance[ten, ten], residuals=measured - rows @ values,
+        degrees_of_freedom=degrees[ten], lasting=common_effect[ten, :lasting], gain=gain[ten], memory=values[more],
+        memory_uncertainty=np.sqrt(np.diag(covariance)[more]), leverage=leverage,
     )  # fmt: skip
 
 
@@ -132,8 +160,9 @@ def _rows(f: np.ndarray) -> np.ndarray:
 
 
 def _gain(rows: np.ndarray) -> np.ndarray:
-    """The least squares' gain from the measured wrenches to the values, (10, n, 6)."""
-    return np.linalg.pinv(rows.reshape(-1, LINEAR)).reshape(LINEAR, -1, CHANNELS)
+    """The least squares' gain from the measured wrenches to the values, (p, n, 6)."""
+    count = rows.shape[2]
+    return np.linalg.pinv(rows.reshape(-1, count)).reshape(count, -1, CHANNELS)
 
 
 def _attitude_effects(
@@ -167,12 +196,12 @@ def _scatter(residuals: np.ndarray, free: np.ndarray, tilts: np.ndarray) -> np.n
 def _observed(covariance: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """One more observation, of the first value: factor of the estimate before it, and gain of the observation."""
     gain = covariance[:, 0] / (covariance[0, 0] + sigma**2)
-    return np.eye(LINEAR) - np.outer(gain, np.eye(LINEAR)[0]), gain
+    return np.eye(len(gain)) - np.outer(gain, np.eye(len(gain))[0]), gain
 
 
 def _covariance(gain: np.ndarray, scatter: np.ndarray, tilts: np.ndarray, common_effect: np.ndarray) -> np.ndarray:
     """Covariance of the estimate: from the residuals, each pose's tilt, and errors common to all."""
-    tilt_effect = np.einsum("pnc,nck->pnk", gain, tilts).reshape(LINEAR, -1)
+    tilt_effect = np.einsum("pnc,nck->pnk", gain, tilts).reshape(len(gain), -1)
     from_scatter = np.einsum("pnc,cd,qnd->pq", gain, scatter, gain)
     return from_scatter + tilt_effect @ tilt_effect.T + common_effect @ common_effect.T
 

@@ -1,5 +1,9 @@
 """Static poses of one body, again and again: what the intervals of the ten parameters hold."""
 
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -59,3 +63,95 @@ def coverage(case, repeats):
         low, high = series(rng, **CASES[case]).interval95.T
         inside += (low <= TRUTH) & (high >= TRUTH)
     return inside / repeats
+
+
+NOISE = np.array([0.2] * 3 + [0.005] * 3)
+Wrong = Callable[[np.ndarray, np.random.Generator], np.ndarray]
+"""Function from the wrench (n, 6) to what the load cell reads of it before its noise."""
+
+
+class Kind(NamedTuple):
+    """A kind of set: what is wrong with it, and of what poses it is."""
+
+    wrong: Wrong = lambda wrench, _: wrench
+    poses: int = 24
+    tilt: float | None = None
+    each: float = 0.0
+    """Standard uncertainty of each attitude [rad], declared."""
+    mixed: np.ndarray | None = None
+    """Factor of the noise, which mixes the axes."""
+    name: str | None = None
+    """Word of the warning that is right."""
+
+
+def knocked(count: int = 1, size: float = 6.0) -> Wrong:
+    """Some poses are read while a hand pushes by so many N along one axis."""
+
+    def wrong(wrench: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        off = np.zeros_like(wrench)
+        off[rng.choice(len(wrench), count, replace=False), rng.integers(3, size=count)] = size
+        return wrench + off
+
+    return wrong
+
+
+def lagging(part: float, memory: float = 0.0) -> Wrong:
+    """A part of the load follows late: it is that of the pose before, or a mean of all before that forgets."""
+
+    def wrong(wrench: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        late, held = np.empty_like(wrench), wrench[rng.integers(len(wrench))]
+        for row, now in zip(late, wrench, strict=True):
+            row[:], held = held, memory * held + (1 - memory) * now
+        return wrench + part * (late - wrench)
+
+    return wrong
+
+
+def hysteretic(part: float) -> Wrong:
+    """Each axis reads less by a part of its range after it rose, more after it fell."""
+
+    def wrong(wrench: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        before = np.vstack([wrench[rng.integers(len(wrench))], wrench[:-1]])
+        return wrench - part * np.ptp(wrench, axis=0) / 2 * np.sign(wrench - before)
+
+    return wrong
+
+
+KINDS = {
+    "clean, 8 poses": Kind(poses=8),
+    "clean, 12 poses, tilted by 20°": Kind(poses=12, tilt=0.35),
+    "clean, 24 poses": Kind(),
+    "clean, 24 poses, uneven noise": Kind(mixed=UNEVEN),
+    "clean, 24 poses, attitudes by 3 mrad": Kind(each=3e-3),
+    "knock of 6 N": Kind(knocked(), name="contradicts"),
+    "knock of 2 N": Kind(knocked(size=2.0), name="contradicts"),
+    "three knocks of 6 N": Kind(knocked(3), name="contradicts"),
+    "creep of 0.3 %": Kind(lagging(0.003), name="lag"),
+    "creep of 1 %": Kind(lagging(0.01), name="lag"),
+    "creep of 3 %": Kind(lagging(0.03), name="lag"),
+    "creep of 1 % over several poses": Kind(lagging(0.01, memory=0.5), name="lag"),
+    "hysteresis of 1 %": Kind(hysteretic(0.01), name="lag"),
+}
+
+
+def signals(kind: Kind, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Force, moment and specific force of one set."""
+    f = directions(rng, kind.poses, kind.tilt)
+    noise = rng.normal(size=(kind.poses, 6)) * NOISE
+    read = kind.wrong(np.hstack(wrench_of(f)), rng) + (noise if kind.mixed is None else noise @ kind.mixed.T)
+    return read[:, :3], read[:, 3:], f + np.cross(kind.each * rng.normal(size=f.shape), f)
+
+
+def log(generator, *, rate=125.0, noise=0.0, stops=6, hold=1):
+    """Upward directions of a body that turns from stop to stop in a second each, with noise of the attitude [rad]."""
+    aims = Rotation.random(stops, rng=generator)
+    part = np.linspace(0, 1, round(rate), endpoint=False)
+    smooth = part - np.sin(2 * np.pi * part) / (2 * np.pi)
+    turns = [
+        here * Rotation.from_rotvec(np.outer(smooth, (here.inv() * there).as_rotvec()))
+        for here, there in pairwise(aims)
+    ]
+    held = [np.tile(aim.as_matrix()[2], (hold * round(rate), 1)) for aim in aims]
+    parts = [rows for pair in zip(held, (turn.as_matrix()[:, 2] for turn in turns), strict=False) for rows in pair]
+    up = np.vstack([*parts, held[-1]])
+    return up + noise * generator.normal(size=up.shape)

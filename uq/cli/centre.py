@@ -12,13 +12,14 @@ __all__ = ["ERRORS", "configure", "run"]
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "poses", metavar="POSES", help="a table of static poses, one a row, or a recorded run that holds them"
-    )
+    parser.add_argument("poses", metavar="POSES", help="a table of static poses, one a row, or samples that hold them")
     parser.add_argument(
         "--experiment", required=True, metavar="E.toml", help="columns, units, signs, frames and local gravity"
     )
     add_window_options(parser, "every still segment of a run is a pose")
+    parser.add_argument(
+        "--without", metavar="N", type=int, nargs="+", default=[], help="numbers of poses to leave out, from 1"
+    )
     parser.add_argument("--out", metavar="DIR", help="folder for centre.json and report.html")
 
 
@@ -27,5 +28,6 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     experiment = Experiment.load(arguments.experiment)
     with output_folder(arguments.out) as out:
-        finish(centre_file(arguments.poses, experiment, windows=windows_of_options(arguments.limits)), out)
+        windows = windows_of_options(arguments.limits)
+        finish(centre_file(arguments.poses, experiment, windows=windows, without=arguments.without), out)
     return 0

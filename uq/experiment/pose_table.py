@@ -36,6 +36,8 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     """The columns of a unit quaternion, an alternative to ``gravity``."""
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
     """Direction of a matrix or quaternion: from sensor to level components, or back; the level frame's z is up."""
+    rate: Annotated[float, in_unit("Hz", above=0)] | None = None
+    """Rate of the rows of a table of samples, each of whose still segments is a pose [Hz]; missing: each row is one."""
     accelerometer: Literal["offset", "scale"] | None = None
     """Calibration of the accelerometer before its attitudes are used; missing: its offset where the poses allow."""
     sigma_attitude: Annotated[float, in_unit("rad", least=0)] = 0.0
@@ -67,7 +69,7 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is declared, the signals' columns together."""
-        keys = ("takes", "accelerometer", "sigma_attitude", "sigma_alignment", "sigma_accelerometer")
+        keys = ("takes", "rate", "accelerometer", "sigma_attitude", "sigma_alignment", "sigma_accelerometer")
         return {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
 
 

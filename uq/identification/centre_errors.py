@@ -23,6 +23,8 @@ from uq.sources.source import Source
 
 FIGURES = ("target", "kind", "sigma", "shape", "settings")
 """Fields of a source that decide its effect on static poses, beside the correlation of its axes."""
+ON_POSES = ("cell_matrix", "gravity")
+"""Unknowns of :data:`identify.joint.joint_model.SIZES` whose errors act on the weight."""
 ATTITUDE_AXIS = "attitude axis "
 """Prefix of the names of an attitude sensor's lasting errors; a source's name has no space."""
 ATTITUDE = ("sigma_attitude", "sigma_alignment", "sigma_accelerometer")
@@ -38,15 +40,27 @@ def weight_errors(
         experiment: its sources and gravity.
         weight: wrench of the weight alone [N, N·m].
     """
-    effects, names = [], []
-    for name, (unknown, axis) in axes_of(estimated_errors(experiment, 0.0)).items():
-        if unknown == "cell_matrix" and axis.any():
-            effects.append(weight @ axis.reshape(6, 6).T)
-            names.append(name)
-        elif unknown == "gravity":
-            effects.append(weight * axis[0] / experiment.gravity)
-            names.append(name)
-    return np.stack(effects, axis=2) if effects else np.zeros((*weight.shape, 0)), tuple(names)
+    effects = {
+        name: wrench_error(unknown, axis, weight, experiment.gravity)
+        for name, (unknown, axis) in axes_of(estimated_errors(experiment, 0.0)).items()
+        if unknown in ON_POSES and axis.any()
+    }
+    columns = np.stack(list(effects.values()), axis=2) if effects else np.zeros((*weight.shape, 0))
+    return columns, tuple(effects)
+
+
+def wrench_error(
+    unknown: str, error: Float[np.ndarray, " p"], weight: Float[np.ndarray, "n 6"], gravity: float
+) -> Float[np.ndarray, "n 6"]:
+    """Return what an error of :data:`ON_POSES` does to the wrench of static poses.
+
+    Args:
+        unknown: what errs.
+        error: its numbers: the load cell's matrix less the unit matrix, row by row; gravity [m/s²].
+        weight: wrench of the weight alone [N, N·m].
+        gravity: stated [m/s²].
+    """
+    return weight @ error.reshape(6, 6).T if unknown == "cell_matrix" else weight * error[0] / gravity
 
 
 def check_declared(experiment: Experiment, centre: Centre, name: str) -> None:

@@ -45,6 +45,7 @@ from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
+NO_SECOND = "mass and centre of gravity are without undeclared errors in all intervals: run `inertia centre` again"
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
 
@@ -103,7 +104,7 @@ def identify_files(
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
         return _estimated(runs, experiment, spec, prior, method, validate)
 
-    result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment)
+    result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment, prior)
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
     suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
@@ -117,7 +118,7 @@ def identify_files(
         result,
         warnings=(*fixture_warnings, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
-        assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment)),
+        assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment, prior)),
         provenance=provenance(**declared_inputs, inputs=inputs),
         datum=experiment.datum,
     )
@@ -138,9 +139,10 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
     return [text for text in (instead.get(text, text) for text in assumptions) if text]
 
 
-def _on_undeclared(experiment: Experiment) -> list[str]:
+def _on_undeclared(experiment: Experiment, centre: Centre | None) -> list[str]:
     complete = [COMPLETE] if experiment.undeclared == NONE else []
-    return [*complete, *([OLD_NAME] if "not_included" in experiment.document else [])]
+    old = [NO_SECOND] if centre is not None and centre.undeclared is None else []
+    return [*complete, *old, *([OLD_NAME] if "not_included" in experiment.document else [])]
 
 
 def _after(suspicious: list[str], result: Identification) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,13 @@ from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import creeping
 from identify.static.pose_fit import Attitudes
+from identify.static.sampled_rows import sampled, turning
 from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
+from uq.identification.undeclared_centre import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.table_samples import as_recording, silenced
@@ -44,20 +47,31 @@ class _Wrenches:
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
     attitudes: Attitudes
+    used: np.ndarray
+    """Poses that count, (n,)."""
+    labels: tuple[str, ...]
+    """Names of the poses in messages: ``pose 7``, and when it was held."""
+    sensed: bool
+    """Whether an accelerometer tells the attitude."""
 
 
-def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[TimeWindow] = ()) -> Centre:
+def centre_file(
+    path: str | Path, experiment: Experiment, *, windows: Sequence[TimeWindow] = (), without: Sequence[int] = ()
+) -> Centre:
     """Estimate mass, centre of gravity and the load cell's offsets from static poses.
 
     Args:
-        path: a table with one row a pose (.csv, .tsv, .txt), whose columns ``[poses]`` names; or a recorded run with
-            an accelerometer or with the platform's pose, each of whose still segments is a pose.
+        path: a table (.csv, .tsv, .txt), whose columns ``[poses]`` names, with one row a pose, or a row a sample at
+            ``poses.rate``; or a recorded run with an accelerometer or with the platform's pose. Of samples each still
+            segment is a pose.
         experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
-        windows: the parts of a recorded run that count; none: all of it.
+        windows: the parts of the samples that count; none: all of them.
+        without: numbers of poses to leave out, from 1, as messages have them.
 
     Raises:
         ExperimentError: nothing declares the columns, or the wrench lacks the weight.
-        RunError: the data cannot be used, or its poses do not determine the centre of gravity.
+        RunError: the data cannot be used, its rows are samples of a motion, or its poses do not determine the centre of
+            gravity.
         RigError, OSError: the file cannot be read.
     """
     name = Path(path).name
@@ -66,18 +80,18 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
             f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
             "tells mass and centre: record without the compensation"
         )
-    if Path(path).suffix.lower() in TABLES:
-        if windows:
-            raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
-        wrenches = _table_wrenches(path, experiment)
-    else:
-        wrenches = _run_wrenches(path, experiment, windows)
+    of_file = _table_wrenches if Path(path).suffix.lower() in TABLES else _run_wrenches
+    wrenches = _without(of_file(path, experiment, windows), without, name)
     signals = wrenches.force, wrenches.moment, wrenches.specific_force
-    plain = centre(*signals, attitudes=wrenches.attitudes, mass=experiment.scale, name=name)
+    estimate = partial(centre, *signals, mass=experiment.scale, name=name, used=wrenches.used, labels=wrenches.labels)
+    plain = estimate(attitudes=wrenches.attitudes)
     push = plain.mass * wrenches.specific_force
     errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
     attitudes = replace(wrenches.attitudes, wrench=errors)
-    result = plain if not names else centre(*signals, attitudes=attitudes, mass=experiment.scale, name=name)
+    result = estimate(attitudes=attitudes) if names else plain
+    result = centre_with_undeclared(
+        result, experiment, wrench=np.hstack(signals[:2]), specific_force=signals[2], sensed=wrenches.sensed
+    )
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
     )  # fmt: skip
@@ -93,9 +107,20 @@ def centre_file(path: str | Path, experiment: Experiment, *, windows: Sequence[T
     )
 
 
+def _without(wrenches: _Wrenches, numbers: Sequence[int], name: str) -> _Wrenches:
+    """The wrenches without the poses of these numbers."""
+    count = len(wrenches.used)
+    for number in numbers:
+        if not 1 <= number <= count:
+            raise RunError(f"no pose {number} in {name}: it has {count}, counted from 1")
+    left_out = np.isin(np.arange(1, count + 1), numbers)
+    notes = [f"left out as asked: {label}" for label in np.array(wrenches.labels)[left_out]]
+    return replace(wrenches, used=wrenches.used & ~left_out, notes=(*wrenches.notes, *notes))
+
+
 def _turned(wrenches: _Wrenches, poses: Poses | None) -> tuple[str, ...]:
     """Return the warning that the attitude sensor is turned by more than is declared."""
-    turn = attitude_turn(wrenches.force, wrenches.specific_force)
+    turn = attitude_turn(wrenches.force[wrenches.used], wrenches.specific_force[wrenches.used])
     if turn is None or float(np.linalg.norm(turn.vector)) < 3 * (0.0 if poses is None else poses.sigma_alignment):
         return ()
     cure = axes_text(turn.matrix @ wrenches.rig.imu_rotation)
@@ -114,30 +139,42 @@ def _aligned(poses: Poses | None) -> tuple[str, ...]:
     )
 
 
-def _table_wrenches(path: str | Path, experiment: Experiment) -> _Wrenches:
+def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
     poses, name = need_table(experiment.poses, path), Path(path).name
     table = read_columns(path, poses.columns)
     attitude, force, moment = (
         table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
     )
-    tilted = attitude if poses.attitude == "acceleration" else np.zeros((len(attitude), 3))
-    used = {"acceleration"} if poses.attitude == "acceleration" else set()
-    bag = as_recording(path, force, moment, np.zeros_like(tilted), tilted)
-    rig = declared(bag, silenced(experiment.recording, {"angular_velocity", "acceleration"} - used))
+    sensed = poses.attitude == "acceleration"
+    nothing = np.zeros((len(attitude), 3))
+    bag = as_recording(path, force, moment, nothing, attitude if sensed else nothing)
+    unused = {"angular_velocity"} if sensed else {"angular_velocity", "acceleration"}
+    rig = declared(bag, silenced(experiment.recording, unused))
     force, moment = rig.wrench(bag.wrench)
+    readings = rig.scales["acceleration"] * attitude if sensed else up(attitude, poses, name)
+    if poses.rate is not None:
+        t = np.arange(len(force)) / poses.rate
+        run = Run(t, force, moment, turning(readings, poses.rate), name=name, sha256=bag.sha256)
+        if sensed:
+            run = replace(run, specific_force=readings @ rig.imu_rotation.T)
+        return _held(Recorded(run, (), (), rig, attitude=None if sensed else (t, readings)), experiment, windows)
+    if windows:
+        raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
+    if sampled(readings):
+        raise RunError(
+            f"the attitude moves on from row to row of {name}: its rows are samples of a motion, no poses. Write how "
+            'many there are a second in [poses], such as rate = "125 Hz": then each still segment is a pose'
+        )
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    sensor = None
-    if poses.attitude == "acceleration":
-        read = rig.scales["acceleration"] * attitude
-        specific_force, sensor, warnings, notes = _leaning(read, poses, experiment.gravity)
-    else:
-        specific_force = experiment.gravity * up(attitude, poses, name)
+    sensor, specific_force = None, experiment.gravity * readings
+    if sensed:
+        specific_force, sensor, warnings, notes = _leaning(readings, poses, experiment.gravity)
     turned = specific_force @ rig.imu_rotation.T
-    attitudes = uncertain(turned, poses, sensor, rig.imu_rotation)
     return _Wrenches(
         force=force, moment=moment, specific_force=turned, rig=rig, sha256=bag.sha256, warnings=warnings, notes=notes,
-        attitudes=attitudes,
+        attitudes=uncertain(turned, poses, sensor, rig.imu_rotation), used=np.ones(len(force), bool),
+        labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), sensed=sensed,
     )  # fmt: skip
 
 
@@ -154,30 +191,43 @@ def _leaning(
 def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
     marked = any(isinstance(limit, str) for window in windows for limit in window)
     recorded = load(path, experiment.recording, band=SLOW, marks=marked)
-    run = recorded.run
-    if run.specific_force is None and recorded.attitude is None:
+    if recorded.run.specific_force is None and recorded.attitude is None:
         raise RunError(
-            f"neither acceleration nor poses in {run.name}: static poses need an accelerometer, a topic of the "
-            "platform's pose, or a table with their attitude"
+            f"neither acceleration nor poses in {recorded.run.name}: static poses need an accelerometer, a topic of "
+            "the platform's pose, or a table with their attitude"
         )
+    wrenches = _held(recorded, experiment, windows)
+    upward = () if recorded.run.specific_force is not None else ("the z axis of the recorded poses' frame points up",)
+    return replace(wrenches, notes=(*wrenches.notes, *upward))
+
+
+def _held(recorded: Recorded, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
+    """The poses that samples hold, each still segment one."""
+    run = recorded.run
     wanted = resolve(windows, float(run.t[-1]), recorded.marks, run.name) if windows else ((0.0, float(run.t[-1])),)
-    rests, left_out = _steady(run, resting(run, wanted))
-    if len(rests) < 3:
+    rests = resting(run, wanted)
+    wrench = np.hstack([run.force, run.moment])
+    used, left_out = _steady(run, rests)
+    if used.sum() < 3:
         out = f", {len(left_out)} more drift" if left_out else ""
         raise RunError(
-            f"{len(rests)} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
+            f"{used.sum()} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
         )
-    wrench = np.hstack([run.force, run.moment])
     means = np.array([wrench[rest].mean(axis=0) for rest in rests])
     specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment)
-    seconds = sum(map(len, rests)) / run.rate
-    held = f"{len(rests)} still segments are its poses, {seconds:.1f} s in all"
-    attitudes = uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation)
+    seconds = sum(len(rest) for rest, counts in zip(rests, used, strict=True) if counts) / run.rate
+    held = f"{used.sum()} still segments are its poses, {seconds:.1f} s in all"
     return _Wrenches(
         force=means[:, :3], moment=means[:, 3:], specific_force=specific_force, rig=recorded.rig,
         sha256=str(run.sha256), warnings=(*run.warnings, *left_out, *warnings), notes=(held, *notes),
-        attitudes=attitudes,
+        attitudes=uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation),
+        used=used, labels=_labels(run, rests), sensed=sensor is not None,
     )  # fmt: skip
+
+
+def _labels(run: Run, rests: Sequence[np.ndarray]) -> tuple[str, ...]:
+    spans = enumerate(((run.t[rest[0]], run.t[rest[-1]]) for rest in rests), start=1)
+    return tuple(f"pose {number} ({start:.1f} to {stop:.1f} s)" for number, (start, stop) in spans)
 
 
 def _lean_of(
@@ -189,7 +239,7 @@ def _lean_of(
         means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
         sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
         return sensed @ turn.T, sensor, warnings, notes
-    assert recorded.attitude is not None  # noqa: S101 - _run_wrenches has seen it
+    assert recorded.attitude is not None  # noqa: S101 - the callers have seen it
     t, directions = recorded.attitude
     upward = []
     for rest in rests:
@@ -199,26 +249,26 @@ def _lean_of(
         upward.append(directions[inside].mean(axis=0))
     up = np.array(upward)
     specific_force = experiment.gravity * up / np.linalg.norm(up, axis=1, keepdims=True)
-    return specific_force @ turn.T, None, (), ("the z axis of the recorded poses' frame points up",)
+    return specific_force @ turn.T, None, (), ()
 
 
-def _steady(run: Run, rests: list[np.ndarray]) -> tuple[list[np.ndarray], tuple[str, ...]]:
-    """The poses in which the load cell neither drifts nor creeps, and warnings of the others."""
+def _steady(run: Run, rests: list[np.ndarray]) -> tuple[np.ndarray, list[str]]:
+    """Return which poses count, those in which the load cell neither drifts nor creeps, and warnings of the others."""
     if len(rests) < 3:
-        return rests, ()
+        return np.ones(len(rests), bool), []
     wrench = np.hstack([run.force, run.moment])
     drifting, slopes, all_drift = creeping([wrench[rest] for rest in rests], run.rate)
     warnings = [
-        f"pose {k + 1} ({run.t[rest[0]]:.1f} to {run.t[rest[-1]]:.1f} s) left out: within it the force changes by "
-        f"{_size(slope[:3])} N and the moment by {_size(slope[3:])} N·m"
-        for k, (rest, slope) in enumerate(zip(rests, slopes, strict=True))
-        if drifting[k]
+        f"{label} left out: within it the force changes by {_size(slope[:3])} N and the moment by "
+        f"{_size(slope[3:])} N·m"
+        for label, slope, drifts in zip(_labels(run, rests), slopes, drifting, strict=True)
+        if drifts
     ]
     if all_drift:
         warnings.append(
             "force or moment drift in most poses: let the load cell warm up, or hold the poses for less long"
         )
-    return [rest for rest, drifts in zip(rests, drifting, strict=True) if not drifts], tuple(warnings)
+    return ~drifting, warnings
 
 
 def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]:

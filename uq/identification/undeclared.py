@@ -12,15 +12,16 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.exceptions import RunError
-from identify.joint.priors import root_of
+from identify.joint.priors import STATIC, ConstantError
 from identify.judge.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
 from identify.results.undeclared import Effect, Undeclared
 from identify.rounding import exact
 from identify.signals.run import Run
+from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
-from uq.experiment.typical_errors import KINDS, Kind, typical_errors
+from uq.experiment.typical_errors import KINDS, typical_errors
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.systematic_errors import SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
@@ -30,23 +31,32 @@ NEGLIGIBLE = 1e-9
 """Part of the mass, of a metre and of the moments of inertia below which an error adds nothing: rounding."""
 STEP = 0.01
 """Step of the finite differences, in standard uncertainties."""
+METRE = Source(name="centre_of_gravity", target="r_cg", kind="bias", group="undeclared", sigma=np.ones(3))
+"""A centre of gravity that is off by 1 m on each axis: the tensor's derivative by it, since the tensor is linear."""
 
 
-def with_undeclared(result: Identification, runs: Sequence[Run], experiment: Experiment) -> Identification:
+def with_undeclared(
+    result: Identification, runs: Sequence[Run], experiment: Experiment, centre: Centre | None = None
+) -> Identification:
     """Return a result with the errors that its first intervals leave out, where its derivatives are known.
+
+    The same errors of the same rig have made the static poses' mass and centre of gravity wrong: both effects of one
+    error add with their signs.
 
     Args:
         result: of these runs, with the declared sources.
         runs: the runs, in the result's order.
         experiment: its sources, and the typical figures.
+        centre: the static poses that its mass and centre of gravity are from; None: they are stated.
     """
     by_held = result.by_held_errors or {}
     if result.seen is not None or (result.method == "joint" and not by_held):
         return result
     undeclared = typical_errors(experiment, largest_wrench(runs))
-    if np.any(result.sigma_r_cg > 0):
+    of_poses = () if centre is None or centre.undeclared is None else centre.undeclared.effects
+    if centre is not None or np.any(result.sigma_r_cg > 0):
         sources = tuple(source for source in undeclared.sources if source.perturbs != "r_cg")
-        undeclared = replace(undeclared, sources=sources)
+        undeclared = replace(undeclared, sources=(*sources, *[METRE] * bool(of_poses)))
     changes: dict[str, np.ndarray] = {}
     if result.method == "joint":
         changes |= _of_joint(by_held, undeclared)
@@ -63,16 +73,39 @@ def with_undeclared(result: Identification, runs: Sequence[Run], experiment: Exp
         changes["accelerometer_scale"] = table.accelerometer_scale * by_held[ACCELEROMETER_SCALE]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
         changes["mass"] = _of_mass(table.mass * result.mass, by_held)
+    if of_poses:
+        by_centre = _of_prior(by_held) if result.method == "joint" else _by_centre(changes.pop(METRE.name))
+        for effect in of_poses:
+            change = by_centre @ effect.changes
+            if changes.get(effect.name, change).shape != change.shape:
+                raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
+            changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    effects = tuple(
-        Effect(
-            name=name, text=kind.text, figure=_figure(kind, getattr(table, name)), changes=changes[name],
-            signed=name == "mounting_frequency",
-        )
-        for name, kind in KINDS.items()
-        if name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None])
-    )  # fmt: skip
-    return replace(result, undeclared=Undeclared(effects))
+    return replace(result, undeclared=undeclared_errors(changes, size, experiment, of_poses))
+
+
+def undeclared_errors(
+    changes: Mapping[str, Float[np.ndarray, "10 k"]],
+    size: Float[np.ndarray, "10"],
+    experiment: Experiment,
+    of_poses: Sequence[Effect] = (),
+) -> Undeclared:
+    """Return errors with their words and figures, without those that add nothing.
+
+    Args:
+        changes: of ten parameters, by the error's key in ``[undeclared]``.
+        size: of the parameters.
+        experiment: the typical figures.
+        of_poses: errors of static poses, whose figures count where the experiment says that there is no such error.
+    """
+    figures, effects = {effect.name: effect.figure for effect in of_poses}, []
+    for name, kind in KINDS.items():
+        if name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None]):
+            value = getattr(experiment.undeclared, name)
+            figure = figures[name] if value is None else f"{exact([kind.per_si * value])[0]} {kind.unit}"
+            signed = name == "mounting_frequency"
+            effects.append(Effect(name=name, text=kind.text, figure=figure, changes=changes[name], signed=signed))
+    return Undeclared(tuple(effects))
 
 
 def largest_wrench(runs: Sequence[Run]) -> tuple[float, float]:
@@ -81,8 +114,30 @@ def largest_wrench(runs: Sequence[Run]) -> tuple[float, float]:
     return force, moment
 
 
-def _figure(kind: Kind, value: float) -> str:
-    return f"{exact([kind.per_si * value])[0]} {kind.unit}"
+def numbers_of(name: str, error: ConstantError) -> Float[np.ndarray, "p k"]:
+    """Return one standard uncertainty of each independent number of an undeclared error, in columns.
+
+    In the order of the source's axes, so that effects of one error on poses and on runs can be added.
+    """
+    return np.sqrt(np.diag(error.covariance))[:, None] if KINDS[name].common else error.axes
+
+
+def _by_centre(tensor_by_metre: np.ndarray) -> Float[np.ndarray, "10 10"]:
+    """Derivative of the ten parameters of least squares by the values of static poses."""
+    by_centre = np.zeros((10, 10))
+    by_centre[:4, :4] = np.eye(4)
+    by_centre[4:, 1:4] = tensor_by_metre[4:]
+    return by_centre
+
+
+def _of_prior(by_held: Mapping[str, np.ndarray]) -> Float[np.ndarray, "10 10"]:
+    """Derivative of the ten parameters of the joint estimate by the values of static poses, which are its prior.
+
+    A prior that is off by one is a truth that is off by minus one: what the runs make of that comes off.
+    """
+    by_prior = -np.hstack([by_held[name] for name in STATIC])
+    by_prior[:4, :4] += np.eye(4)
+    return by_prior
 
 
 def _of_mass(sigma: float, by_held: Mapping[str, np.ndarray]) -> Float[np.ndarray, "10 1"]:
@@ -97,19 +152,20 @@ def _of_mass(sigma: float, by_held: Mapping[str, np.ndarray]) -> Float[np.ndarra
 def _of_joint(by_held: Mapping[str, np.ndarray], undeclared: Experiment) -> dict[str, np.ndarray]:
     """Return each error's change of the ten parameters, but for delay and gyro axes: unknowns, or declared exact."""
     changes = {
-        name: by_held[error.unknown] @ root_of(error.covariance)
+        name: by_held[error.unknown] @ numbers_of(name, error)
         for name, error in estimated_errors(undeclared, 1.0).items()
         if error.unknown in by_held
     }
     for source in undeclared.sources:
-        if source.perturbs == "r_cg":  # the result keeps the stated one
+        if source.perturbs == "r_cg" and source is not METRE:  # the result keeps the stated centre
             changes[source.name] = (by_held["r_cg"] - np.eye(10)[:, 1:4]) * source.sigma
     return changes
 
 
 def _of_least_squares(result: Identification, runs: Sequence[Run], undeclared: Experiment) -> dict[str, np.ndarray]:
     """Return each error's change of the tensor, and of the centre of gravity where that errs."""
-    as_stated = replace(result, sigma_r_cg=undeclared.sigma_r_cg, cg_covariance=None)
+    # bounded by physical limits it would count as holding the uncertainty of r_CG, but no undeclared error
+    as_stated = replace(result, sigma_r_cg=undeclared.sigma_r_cg, cg_covariance=None, admissible=None)
     problem = problem_of(as_stated, runs, undeclared, slopes=True)
     if not problem.sources:  # gravity alone is open, to which least squares are blind
         return {}

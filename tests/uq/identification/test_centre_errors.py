@@ -1,4 +1,4 @@
-"""Declared errors of the load cell in static poses, and of the same cell in the runs that are identified with them.
+"""Errors of the load cell in static poses, declared or not, and of the same cell in the runs identified with them.
 
 Poses are made here in plain NumPy, runs by tests/helpers/laboratory.py.
 """
@@ -13,10 +13,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from tests.helpers.laboratory import FULL_SCALE, measure
+from identify.static.centre_result import Centre
+from tests.helpers.laboratory import FULL_SCALE, Setup, cell_reading, measure
 from tests.helpers.laboratory_files import document, source, write
 from tests.helpers.laboratory_mechanics import GRAVITY, MASS, R_CG
 from uq.experiment.experiment import Experiment
+from uq.experiment.undeclared_table import NONE
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import load_centre
 from uq.identification.identify_files import identify_files
@@ -199,3 +201,90 @@ def test_a_centre_whose_provenance_does_not_tell_its_errors_is_refused(tmp_path,
     centre = replace(centre_file(poses_file(tmp_path / "s.csv", noise=1.0), experiment), provenance=provenance)
     with pytest.raises(RunError, match="with other figures of f, m"):
         check_declared(experiment, centre, "centre.json")
+
+
+# Undeclared errors
+
+UNIT = np.eye(6)
+
+
+@pytest.fixture(scope="module")
+def silent():
+    return measure(1, seconds=15.0, noise=0.0, drawn=0.0)
+
+
+def by_name(result):
+    return {effect.name: effect.changes for effect in result.undeclared.effects}
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "matrix"),
+    [
+        ("force_gain", 0, np.diag([1.0005] * 3 + [1] * 3)),
+        ("moment_gain_by_axis", 2, UNIT + 0.0005 * np.diag(UNIT[5])),
+        ("load_cell_axes", 1, turned([0, 0.001, 0])),
+        ("gravity", 0, (1 + 0.003 / GRAVITY) * UNIT),
+    ],
+)
+def test_the_centre_is_off_as_the_poses_are(tmp_path, silent, name, column, matrix):
+    """By a fifth of the typical size, so that what is left of second order is small."""
+    experiment = experiment_of(silent, sources=[])
+    plain = centre_file(poses_file(tmp_path / "p.csv"), experiment)
+    off = centre_file(poses_file(tmp_path / "m.csv", matrix=matrix), experiment).values - plain.values
+    expected = by_name(plain)[name][:, column] / 5
+    for rows, atol in ((slice(0, 1), 1e-5), (slice(1, 4), 1e-7)):
+        np.testing.assert_allclose(off[rows], expected[rows], atol=0.02 * np.abs(expected[rows]).max() + atol)
+
+
+def test_the_second_interval_is_written_shown_and_read_back(tmp_path, silent):
+    """The mass: gains of 0.25 % in common and by axis, of which a third counts, and 15 mm/s² of 9.81 m/s²."""
+    result = centre_file(poses_file(tmp_path / "p.csv", noise=1.0), experiment_of(silent, sources=[]))
+    half, wide = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared))
+    added = MASS * np.sqrt(0.0025**2 * 4 / 3 + (0.015 / GRAVITY) ** 2)
+    talk = np.linalg.norm(by_name(result)["cross_talk"], axis=1)[0]
+    assert wide[0] == pytest.approx(np.hypot(half[0], 1.96 * np.hypot(added, talk)), rel=0.03)
+    u = np.sqrt(np.sum([np.square(changes).sum(axis=1) for changes in by_name(result).values()], axis=0))
+    np.testing.assert_allclose(wide, np.hypot(half, 1.959964 * u), rtol=1e-6)
+    content = json.loads(json.dumps(result.to_dict()))
+    assert content["mass"]["interval95_with_undeclared"] == result.interval95_with_undeclared[0].tolist()
+    np.testing.assert_array_equal(
+        Centre.from_dict(content).interval95_with_undeclared, result.interval95_with_undeclared
+    )
+    assert Centre.from_dict(content | {"undeclared": None}).interval95_with_undeclared is None
+    assert "with undeclared errors" in repr(result)
+    complete = replace(experiment_of(silent, sources=[]), undeclared=NONE)
+    assert "with undeclared errors" not in repr(centre_file(tmp_path / "p.csv", complete))
+
+
+def test_a_declared_alignment_takes_the_place_of_the_load_cells_axes(tmp_path, silent):
+    experiment = experiment_of(silent, sources=[])
+    aligned = replace(experiment, poses=msgspec.structs.replace(experiment.poses, sigma_alignment=1e-3))
+    path = poses_file(tmp_path / "p.csv")
+    assert set(by_name(centre_file(path, experiment))) - set(by_name(centre_file(path, aligned))) == {"load_cell_axes"}
+
+
+def ten(result):
+    return np.concatenate([[result.mass], result.r_cg, result.inertia])
+
+
+@pytest.mark.slow
+def test_poses_and_runs_of_one_load_cell_err_together(tmp_path, silent):
+    """A gain of the force makes mass and centre wrong, and by least squares not the tensor: the two effects cancel."""
+    experiment, gains = experiment_of(silent, sources=[]), np.array([0.0025] * 3 + [-0.0025] * 3)
+
+    def answer(spoilt, matrix):
+        centre = centre_file(poses_file(tmp_path / "p.csv", matrix=matrix), experiment)
+        centre = replace(centre, covariance=centre.covariance + np.diag([1e-6, *[1e-8] * 3, *[1e-4] * 3, *[1e-6] * 3]))
+        path = write(tmp_path / f"{spoilt is silent}.mcap", spoilt)
+        return identify_files([path], experiment, centre=saved(tmp_path / "c.json", centre))
+
+    wrench = cell_reading(Setup(cell_gain=tuple(gains)), np.hstack([silent.force, silent.moment]), silent.t_wrench)
+    spoilt = replace(silent, force=wrench[:, :3], moment=wrench[:, 3:])
+    plain = answer(silent, UNIT)
+    off = ten(answer(spoilt, np.diag(1 + gains))) - ten(plain)
+    by_force, by_moment = (by_name(plain)[name][:, 0] for name in ("force_gain", "moment_gain"))
+    assert np.abs(by_force[4:]).max() < 0.01 * np.abs(by_moment[4:]).max()
+    for rows in (slice(0, 1), slice(1, 4), slice(4, 10)):
+        expected = (by_force - by_moment)[rows]
+        np.testing.assert_allclose(off[rows], expected, atol=0.02 * np.abs(expected).max() + 1e-6)
+    assert plain.with_undeclared.parameters.standard_uncertainty[0] > 0.0025 * MASS

@@ -13,10 +13,11 @@ from identify.static.centre_result import PARAMETERS
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from tests.helpers.commands import refused
-from tests.helpers.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, wrench_of
+from tests.helpers.pose_lab import FORCE_OFFSET, GRAVITY, MASS, MOMENT_OFFSET, R_CG, TRUTH, directions, log, wrench_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
+from uq.recorded.time_window import TimeWindow
 
 pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
@@ -248,6 +249,47 @@ def test_a_real_load_cells_poses(attitude):
         assert found.residual == pytest.approx((0.087, 0.0030), abs=0.0006)
     else:  # the accelerometer's own offset of 0.08 g is found
         assert "0.759) m/s²" in " ".join(found.assumptions)
+
+
+def test_a_pose_is_left_out_by_its_number(tmp_path, generator, capsys):
+    columns = rows(generator)
+    columns["Fx"][4] += 3.0
+    (tmp_path / "e.toml").write_text(TABLE.format(poses=ATTITUDES["gravity"], recording=""))
+    path = write(tmp_path / "p.csv", columns)
+    found = centre_file(path, experiment(), without=[5])
+    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-9, atol=1e-10)
+    assert "left out as asked: pose 5" in found.assumptions
+    command = ["centre", path, "--experiment", tmp_path / "e.toml", "--without"]
+    assert main([str(word) for word in [*command, 5]]) == 0
+    assert "from 11 poses" in capsys.readouterr().out
+    assert "no pose 13 in p.csv: it has 12, counted from 1" in refused(capsys, *command, 13)
+
+
+def test_a_table_of_samples_is_refused_and_with_its_rate_cut_into_its_still_segments(tmp_path, generator, capsys):
+    """Noise of 0.02 N a row; while the body turns, the wrench is 5 % off as if it accelerated."""
+    up = log(generator, stops=8, hold=3)
+    turns = np.concatenate([np.full(125 * (1 if k % 2 else 3), k % 2) for k in range(15)])
+    force, moment = wrench_of(GRAVITY * up)
+    force, moment = (w + 0.05 * turns[:, None] * w + 0.02 * generator.normal(size=w.shape) for w in (force, moment))
+    columns = dict(zip(("Fx", "Fy", "Fz"), force.T, strict=True))
+    columns |= dict(zip(("Mx", "My", "Mz"), moment.T, strict=True))
+    columns |= {f"g{k}": v for k, v in enumerate(-GRAVITY * up.T, 1)}
+    table = (
+        '[platform]\ngravity = "9.81 m/s^2"\n[recording]\nwrench = "on_body"\nforce_unit = "N"\nmoment_unit = "N*m"\n'
+    )
+    table += '[poses]\nforce = ["Fx", "Fy", "Fz"]\nmoment = ["Mx", "My", "Mz"]\ngravity = ["g1", "g2", "g3"]\n'
+    (tmp_path / "e.toml").write_text(table)
+    path = write(tmp_path / "log.csv", columns)
+    text = refused(capsys, "centre", path, "--experiment", tmp_path / "e.toml")
+    assert "the attitude moves on from row to row of log.csv" in text
+    assert 'rate = "125 Hz"' in text
+    (tmp_path / "e.toml").write_text(table + 'rate = "125 Hz"\n')
+    found = centre_file(path, Experiment.load(tmp_path / "e.toml"))
+    assert found.poses == 8
+    assert "8 still segments are its poses" in " ".join(found.assumptions)
+    assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty).all()
+    early = centre_file(path, Experiment.load(tmp_path / "e.toml"), windows=[TimeWindow(0.0, 19.5)])
+    assert early.poses == 5
 
 
 # Recorded runs

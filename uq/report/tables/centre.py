@@ -7,6 +7,10 @@ from identify.rounding import fixed, rounded, significant, with_uncertainty
 from identify.static.centre_result import PARAMETERS, UNITS, Centre
 from identify.text_tables import Table, sentence
 from uq.report.drawing import drawing
+from uq.report.tables.identification import WIDE
+
+WIDER = 1.01
+"""Second interval over the first from which it is shown."""
 
 
 def title(centre: Centre) -> str:
@@ -15,10 +19,18 @@ def title(centre: Centre) -> str:
     u = float(centre.standard_uncertainty[0])
     mass = with_uncertainty(centre.mass, u)
     low, high = centre.interval95[0]
+    wide = centre.interval95_with_undeclared
+    second = _second(*wide[0]) if wide is not None and centre.undeclared and centre.undeclared.effects else ""
     return (
-        f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}) from {centre.poses} poses; "
+        f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}{second}) from {centre.poses} poses; "
         f"residuals {significant(force)} N and {significant(moment)} N·m (rms)"
     )
+
+
+def _second(low: float, high: float) -> str:
+    """The second interval of the mass."""
+    half = (high - low) / 2
+    return f"; {WIDE} {rounded(low, half)} … {rounded(high, half)}"
 
 
 def tables(centre: Centre) -> list[Table]:
@@ -33,6 +45,9 @@ def tables(centre: Centre) -> list[Table]:
     for name, unit, values, place in quantities:
         rows.append([name, *map(with_uncertainty, unit * values, unit * u[place])])
         rows.append(["· 95 %", *(f"± {significant(value, 2)}" for value in unit * expanded[place])])
+        wide = expanded if centre.undeclared is None else centre.undeclared.half_width(expanded)
+        if (wide[place] > WIDER * expanded[place]).any():
+            rows.append([f"· {WIDE}", *(f"± {significant(value, 2)}" for value in unit * wide[place])])
     if centre.zero is not None:
         rows += [
             ["zero of the cell, N", *(fixed(value, 3) for value in centre.zero[:3])],
@@ -49,6 +64,7 @@ def notes(centre: Centre) -> list[str]:
     return [
         *findings(centre),
         *(f"warning: {text}" for text in centre.warnings),
+        *_gap(centre),
         *(f"assumed: {text}" for text in centre.assumptions),
     ]
 
@@ -62,6 +78,13 @@ def findings(centre: Centre) -> list[str]:
     along_axes = f"known worst along ({worst}), to {most} mm, and best to {best} mm"
     finding = f"{tilt}the centre of gravity is {along_axes}"
     return [finding, *([] if centre.gain is None else [centre.gain.verdict])]
+
+
+def _gap(centre: Centre) -> list[str]:
+    """A line on the undeclared error that widens the interval of mass or centre of gravity most, or none."""
+    u = np.where(np.arange(len(PARAMETERS)) < 4, centre.standard_uncertainty, 0.0)
+    gap = centre.undeclared and centre.undeclared.largest(u)
+    return [gap.text] if gap else []
 
 
 def drawings(centre: Centre) -> list[Drawing]:

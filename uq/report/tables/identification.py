@@ -11,7 +11,6 @@ from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
-from identify.results.undeclared import QUANTITIES
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -235,10 +234,7 @@ def _undeclared(result: Identification) -> Iterator[str]:
         )
     gap = result.undeclared and result.undeclared.largest(result.parameters.standard_uncertainty)
     if gap:
-        yield (
-            f"undeclared: {gap.effect.text}, at a typical {gap.effect.figure}, is {100 * gap.share:.0f} % of u² of "
-            f"{QUANTITIES[gap.parameter][0]} with undeclared errors: declare it, or write your figure in [undeclared]"
-        )
+        yield gap.text
 
 
 def two_digits(value: float, signed: bool = False) -> str:
