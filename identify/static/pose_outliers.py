@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from identify.static.pose_fit import CHANNELS, Attitudes, PoseFit, fit
+from identify.static.pose_fit import CHANNELS, LINEAR, Attitudes, PoseFit, fit
 
 LEAST_FREE = 1e-6
 """Part of a reading that the others tell, below which its residual is rounding."""
@@ -118,12 +118,15 @@ def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n
         return None
     plain = fitted(signals, attitudes, used).values
     candidates = [_memory(signals.specific_force, plain, keeps) for keeps in MEMORY]
-    fits = [fitted(signals, attitudes, used, memory=columns) for columns in candidates]
-    misfits = [np.log(np.square(fit.residuals).sum(axis=0) / _freedom(fit)).sum() for fit in fits]
-    best = int(np.argmin(misfits))
-    part, u = fits[best].memory[:2], fits[best].memory_uncertainty[:2]
-    limit = scipy.special.stdtrit(_freedom(fits[best]).min(), 1 - CHANCE / (4 * len(MEMORY)))
-    return Creep(part, u, candidates[best]) if (np.abs(part) > limit * u + ROUNDING).any() else None
+    fits = [(fitted(signals, attitudes, used, memory=columns), columns) for columns in candidates]
+    # the leverages' sum is the rank: where poses repeat in turn, a lag is not told from the load itself
+    told = [pair for pair in fits if pair[0].leverage.sum() > LINEAR + pair[1][used].any(axis=(0, 1)).sum() - 0.5]
+    if not told:
+        return None
+    best, columns = min(told, key=lambda pair: np.log(_scatter(pair[0], np.hstack(signals[:2])[used])).sum())
+    part, u = best.memory[:2], best.memory_uncertainty[:2]
+    limit = scipy.special.stdtrit(_freedom(best).min(), 1 - CHANCE / (4 * len(MEMORY)))
+    return Creep(part, u, columns) if (np.abs(part) > limit * u + ROUNDING).any() else None
 
 
 def _memory(f: Float[np.ndarray, "n 3"], plain: Float[np.ndarray, "10"], keeps: float) -> Float[np.ndarray, "n 6 8"]:
