@@ -77,12 +77,15 @@ def draw_constants(
 ) -> dict[str, Float[Array, "..."]]:
     """Return the one draw of each constant source of a trial, in SI, by name."""
     constant = [source for source in sources if source.constant]
+    numbers = jnp.asarray([stream_number(source.name) for source in constant], jnp.uint32)
+    keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
     drawn: dict[str, Array] = {}
-    for group in _grouped(constant):  # drawn in one go: the same numbers as one by one, compiled once
-        numbers = jnp.asarray([stream_number(s.name) for s in group], jnp.uint32)
-        keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
-        values = jax.vmap(lambda k, s=group[0]: s.shape.draw(k, np.shape(s.sigma), dtype))(keys)
-        drawn |= {source.name: value for source, value in zip(group, values, strict=True)}
+    for places in _alike(constant):
+        shapes = jax.tree.map(lambda *figures: jnp.stack(figures), *(constant[k].shape for k in places))
+        size = np.shape(constant[places[0]].sigma)
+        # a loop: XLA would take a batch apart again and compile the same draw for each source
+        values = jax.lax.map(lambda x, size=size: x[1].draw(x[0], size, dtype), (keys[np.array(places)], shapes))
+        drawn |= {constant[k].name: value for k, value in zip(places, values, strict=True)}
     return _in_si(constant, mixed(drawn, mixing), dtype)
 
 
@@ -105,13 +108,12 @@ def _in_si(constant: Sequence[Source], drawn: Mapping[str, Array], dtype: Any) -
     return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
 
 
-def _grouped(sources: Sequence[Source]) -> list[list[Source]]:
-    """Sources in groups whose draws have one distribution and one shape."""
-    groups: dict[Any, list[Source]] = {}
-    for source in sources:
-        figures = jax.tree.leaves(source.shape)
-        same = tuple(figures) if all(isinstance(figure, float) for figure in figures) else source.name
-        groups.setdefault((type(source.shape), same, np.shape(source.sigma)), []).append(source)
+def _alike(sources: Sequence[Source]) -> list[list[int]]:
+    """Return the numbers of sources whose draws differ by the distribution's figures alone, group by group."""
+    groups: dict[Any, list[int]] = {}
+    for k, source in enumerate(sources):
+        figures, kind = jax.tree.flatten(source.shape)
+        groups.setdefault((kind, *map(np.shape, figures), np.shape(source.sigma)), []).append(k)
     return list(groups.values())
 
 
