@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 
 from identify.pytree import Pytree
+from identify.rigid_body.regressor import library_of
 
 Value = Any
 """A number or an array of numbers."""
@@ -185,10 +186,10 @@ class StudentT(Distribution):
     @property
     def standard_deviation(self) -> Value:
         """Standard deviation of the distribution; infinite for two degrees of freedom or fewer."""
-        nu = jnp.asarray(self.degrees_of_freedom, _float(None))
+        xp = library_of(self.scale, self.degrees_of_freedom)
+        nu = xp.asarray(self.degrees_of_freedom, float)
         finite = nu > 2
-        factor = jnp.sqrt(jnp.where(finite, nu / jnp.where(finite, nu - 2, 1), jnp.inf))
-        return self.scale * jnp.where(jnp.isinf(nu), 1, factor)
+        return xp.where(finite, self.scale / xp.sqrt(1 - 2 / xp.where(finite, nu, 4.0)), np.inf)
 
     @property
     def excess_kurtosis(self) -> Value:
