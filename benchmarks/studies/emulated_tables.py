@@ -19,7 +19,7 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import fixed, with_uncertainty
 from identify.text_tables import Table
-from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
+from uq.campaign.trial_setup import setting_of
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
 from uq.files.provenance import provenance
@@ -221,12 +221,8 @@ class _Rig(Pytree):
 def _prepared(experiment: Experiment, name: str, estimator: str, imperfections: Imperfections, runs: int) -> _Rig:
     """A trajectory with the rig's sources; those of r_cg and of the still point have a mean that each repeat sets."""
     name, spec = experiment.select(name)
-    motion = true_motion(experiment, spec)
-    fitted = fitted_estimators([experiment.estimator(estimator)], spec, len(motion.t))
-    setup = prepare_samples(
-        motion, experiment.body, platform_of(experiment, spec), _sources(experiment, imperfections), fitted,
-        trajectory=spec.trajectory,
-    )  # fmt: skip
+    setting = setting_of(experiment, spec, [experiment.estimator(estimator)])
+    setup = prepare_samples(setting._replace(sources=_sources(experiment, imperfections), mixing=()))
     together = Case("total", frozenset(source.name for source in setup.sources))
     centre = tuple(source for source in experiment.sources if source.perturbs == "r_cg")
     return _Rig(replace(setup, cases=(together,)), centre, jnp.asarray(float(spec.still == "cg")), jnp.asarray(runs))
@@ -255,7 +251,7 @@ def _emulated_runs(rig: _Rig, key: jax.Array, indices: jax.Array) -> jax.Array:
         means = {"shared r_cg": shared, "still point": -rig.holds_cg * shared}
         sources = (replace(s, mean=means[s.name]) if s.name in means else s for s in rig.setup.sources)
         setup = replace(rig.setup, sources=tuple(sources))
-        return sampled_trial(setup, key, index).inertia[0, 0]
+        return sampled_trial(setup, key, index)[0, 0]
 
     return jax.lax.map(of_run, indices)
 

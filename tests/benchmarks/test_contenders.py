@@ -61,7 +61,7 @@ def test_the_engines_agree_with_the_numpy_version(brief, generator, engine, dtyp
     trials = 1000
     expected = vectorised.estimates(truth_of(brief, "T1"), trials, generator, dtype)
     (result,) = trials_of(engines(brief, engine, dtype, ["T1"]), trials)
-    estimated = result.inertia[:, 0]
+    estimated = result[:, 0]
     spread, other = estimated.std(0, ddof=1), expected.std(0, ddof=1)
     np.testing.assert_allclose(spread / other, 1, atol=5 / np.sqrt(trials))
     means = (estimated.mean(0) - expected.mean(0)) / np.hypot(spread, other) * np.sqrt(trials)
@@ -82,7 +82,7 @@ def test_sums_in_numpy_give_the_engines_estimates_from_the_same_numbers(brief):
         normals(engine.gyro.names[0], engine.gyro.roots.shape[-1]),
         *([normals(name, 6) for name in names] for names in (engine.cell.names, engine.crossed.names)),
     )
-    expected = trials_of([engine], trials)[0].inertia[:, 0]
+    expected = trials_of([engine], trials)[0][:, 0]
     estimated = sums_in_numpy.estimates(sums_in_numpy.on_host(engine), draws)
     np.testing.assert_allclose(estimated, expected, atol=1e-12 * brief.inertia.max())
 
@@ -93,7 +93,7 @@ def test_three_sigma_of_the_preset_within_one_per_cent(preset, generator, dtype)
     """40,000 trials of the NumPy version against 400,000 on sums: a standard error of each ratio is 0.4 %."""
     expected = vectorised.estimates(truth_of(preset, "T1"), 40_000, generator, dtype)
     (result,) = trials_of(engines(preset, "sums", trajectories=["T1"]), 400_000)
-    ratio = expected.std(0, ddof=1) / result.inertia[:, 0].std(0, ddof=1)
+    ratio = expected.std(0, ddof=1) / result[:, 0].std(0, ddof=1)
     print(dtype, "3σ NumPy / sums - 1, per cent:", np.round(100 * (ratio - 1), 2).tolist())
     assert abs(ratio[0].mean() - 1) < 0.01
     assert np.abs(ratio - 1).max() < 0.02

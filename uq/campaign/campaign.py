@@ -1,7 +1,7 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import process_count, process_index
+from jax import process_count
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
@@ -18,15 +18,15 @@ from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import Breakdown, Statistics, breakdown
-from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, prepare_engine, true_motions
+from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, setting_of, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import code_digest, provenance
 from uq.trials.checkpoint import Checkpoint
-from uq.trials.chooser import Choice
+from uq.trials.chooser import Choice, engine_of
 from uq.trials.distributed import agree, in_turn, meet
-from uq.trials.engine import TrialEstimates, run_trials
+from uq.trials.engine import Estimates, run_trials
 from uq.trials.progress_bar import progress_of
 from uq.trials.trial_loop import TrialLoop, trials_in
 
@@ -87,7 +87,7 @@ def montecarlo(
         options=options,
     )  # fmt: skip
     store = options.checkpoint
-    store = checkpoint_of(store) if isinstance(store, (str, Path)) else store
+    store = Checkpoint(store) if isinstance(store, (str, Path)) else store
     try:
         runs = _started(asked, store)
         if plan.goal is None:
@@ -108,13 +108,6 @@ def montecarlo(
         trials=trials, seed=seed, nominal=asked.truth, breakdowns=breakdowns, warnings=tuple(notes), provenance=record,
         errors=errors, stability=stability, points=plan.points,
     )  # fmt: skip
-
-
-def checkpoint_of(folder: str | Path, say: Callable[[str], None] | None = None) -> Checkpoint:
-    """Return the checkpoint in a folder, for this process among those of the campaign."""
-    return Checkpoint(
-        folder, say=say if process_index() == 0 else None, processes=process_count(), process=process_index()
-    )
 
 
 # --- the runs of the trajectories ---
@@ -144,9 +137,9 @@ class _Asked:
 
     def breakdowns(self, run: "_TrajectoryRun", trials: int) -> dict[str, Breakdown[Statistics]]:
         """Return the breakdowns of one trajectory by estimator."""
-        inertia, ok = map(np.asarray, run.loop.results(trials))
+        errors = run.errors(0, trials, self.truth)
         return {
-            estimator.name: breakdown(run.choice.engine.cases, inertia[:, k] - self.truth, ok[:, k], self.plan.points)
+            estimator.name: breakdown(run.choice.engine.cases, errors[:, k], self.plan.points)
             for k, estimator in enumerate(self.estimators)
         }
 
@@ -160,13 +153,13 @@ class _TrajectoryRun:
 
     def errors(self, first: int, last: int, truth: np.ndarray) -> np.ndarray:
         """Return estimate minus truth of these trials, (trials, estimators, cases, 6) [kg·m²]."""
-        return np.asarray(self.loop.results(last, first).inertia) - truth
+        return np.asarray(self.loop.results(last, first)) - truth
 
 
 def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRun]:
-    """Prepare every trajectory and begin where a checkpoint ends; what is already running goes on beside."""
+    """Prepare every trajectory; its trials go on where a checkpoint ends."""
     devices = list(asked.options.devices or jax.devices())
-    motions = true_motions(asked.experiment, asked.trajectories, devices)
+    motions = true_motions(asked.experiment, asked.trajectories)
     if store is not None or process_count() > 1:
         identity = _identity(asked, devices)
         agree("campaigns", [identity, asked.trials, list(asked.trajectories)])
@@ -175,13 +168,9 @@ def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRu
     runs = {}
     quasi = (asked.trials, asked.seed) if asked.plan.points == "quasi-random" else None
     for name, spec in asked.trajectories.items():
-        motion = motions.pop(name)
-        with jax.default_device(next(iter(motion.t.devices()))):
-            choice = prepare_engine(
-                asked.experiment, spec, asked.estimators, motion=motion, engine=asked.plan.engine,
-                dtype=asked.plan.dtype, points=quasi,
-            )  # fmt: skip
-        done: list[TrialEstimates] = []
+        setting = setting_of(asked.experiment, spec, asked.estimators, motions.pop(name))
+        choice = engine_of(setting, engine=asked.plan.engine, dtype=asked.plan.dtype, points=quasi)
+        done: list[Estimates] = []
         if store is not None:
             done = in_turn(partial(store.load, name, asked.trials))
             agree("checkpoints", sum(map(trials_in, done)))
@@ -190,7 +179,6 @@ def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRu
             batch=asked.options.batch or choice.engine.batch(devices[0]),
             keep=None if store is None else partial(store.keep, name),
         )  # fmt: skip
-        loop.begin(asked.trials if asked.plan.goal is None else asked.plan.goal.least_block)
         runs[name] = _TrajectoryRun(choice, loop)
     return runs
 

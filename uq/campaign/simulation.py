@@ -18,7 +18,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.run import Run
 from rig.channels import ImuChannel, WrenchChannel
 from rig.runs import write
-from uq.campaign.trial_setup import platform_of, true_motion
+from uq.campaign.trial_setup import setting_of
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import errors_of
 from uq.sources.draws import draw_constants
@@ -79,11 +79,9 @@ def simulate(experiment: Experiment, trajectory: str | None = None, *, seed: int
     """
     name, spec = experiment.select(trajectory)
     warnings = check_precision("float64")
-    motion, body, platform = true_motion(experiment, spec), experiment.body, platform_of(experiment, spec)
-    setup = prepare_samples(
-        motion, body, platform, experiment.sources, (), trajectory=spec.trajectory, mixing=experiment.mixing
-    )
-    recorded = _recorded(setup, motion, jax.random.key(seed), jnp.asarray(trial))
+    setting = setting_of(experiment, spec, ())
+    motion = setting.motion
+    recorded = _recorded(prepare_samples(setting), motion, jax.random.key(seed), jnp.asarray(trial))
     record, specific_force, rotation = jax.tree.map(np.asarray, recorded)
     force, moment, omega = (signal.T for signal in record)
     run = Run(np.asarray(motion.t), force, moment, omega, name=f"simulated {name}", warnings=tuple(warnings))

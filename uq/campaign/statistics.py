@@ -35,18 +35,17 @@ class Statistics(Shown):
 
         The standard errors of quasi-random trials come from the spread of their replicates.
         """
-        figures = None if points == "random" else of_replicates(_mean_and_sigma, errors)
-        errors, _ = finite_trials(errors)
-        n = len(errors)
+        good, _ = finite_trials(errors)
+        n = len(good)
         if n < 2:
             nothing = np.full(errors.shape[1], np.nan)
-            return cls(errors.mean(0) if n else nothing, nothing, nothing, nothing)
-        if figures is not None:
-            mean, sigma = _mean_and_sigma(errors)
-            mean_standard_error, sigma_standard_error = standard_error(figures)
+            return cls(good.mean(0) if n else nothing, nothing, nothing, nothing)
+        if points != "random":
+            mean, sigma = _mean_and_sigma(good)
+            mean_standard_error, sigma_standard_error = standard_error(of_replicates(_mean_and_sigma, errors))
             return cls(mean, mean_standard_error, 3 * sigma, 3 * sigma_standard_error)
-        mean = errors.mean(0)
-        squares = np.square(errors - mean)
+        mean = good.mean(0)
+        squares = np.square(good - mean)
         variance = squares.sum(0) / (n - 1)
         fourth = np.square(squares).mean(0)
         variance_of_variance = np.maximum(fourth - variance**2 * (n - 3) / (n - 1), 0) / n
@@ -162,20 +161,17 @@ class Breakdown(Result, Generic[CaseFigures]):
         }
 
 
-def breakdown(
-    cases: Sequence[Case], errors: np.ndarray, ok: np.ndarray, points: Points = "random"
-) -> Breakdown[Statistics]:
+def breakdown(cases: Sequence[Case], errors: np.ndarray, points: Points = "random") -> Breakdown[Statistics]:
     """Return the statistics of every case of one estimator.
 
     Args:
         cases: what acts in each.
-        errors: estimate minus truth, (trials, cases, 6) [kg·m²].
-        ok: which could be solved, (trials, cases).
+        errors: estimate minus truth, (trials, cases, 6) [kg·m²]; NaN where a case could not be solved.
         points: what the trials were drawn from.
     """
     by_case = np.ascontiguousarray(np.moveaxis(errors, 0, -1))  # trials side by side, for fast sums
     statistics = (Statistics.of(case_errors.T, points) for case_errors in by_case)
-    return Breakdown.of(cases, statistics, failed=int(np.sum(~ok.all(axis=1))))
+    return Breakdown.of(cases, statistics, failed=finite_trials(errors)[1])
 
 
 def large_mean_error(where: str, total: OfCase) -> list[str]:

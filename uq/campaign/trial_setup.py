@@ -1,7 +1,6 @@
 """Preparation of the trials of a trajectory: platform, true motion, fitted estimators, set-up."""
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from typing import Any
 
 import jax
@@ -14,6 +13,7 @@ from uq.gram_sums.cases import Estimator
 from uq.gram_sums.error_maps import Platform
 from uq.sources.draws import BLOCK
 from uq.trials.chooser import Choice, engine_of
+from uq.trials.engine import TrialSetting
 from uq.trials.trial_loop import OLDER_LOOPS
 
 COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
@@ -49,27 +49,30 @@ def chosen_trajectories(experiment: Experiment, names: str | Sequence[str] | Non
     return dict(map(experiment.select, wanted))
 
 
-def prepare_engine(
-    experiment: Experiment,
-    spec: TrajectorySpec,
-    estimators: Sequence[EstimatorSpec],
-    *,
-    motion: Motion | None = None,
-    **choice: Any,
-) -> Choice:
-    """Return the engine of an experiment's trials on one trajectory; its motion where it is known.
-
-    Further arguments are those of :func:`uq.trials.chooser.engine_of`.
+def setting_of(
+    experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[EstimatorSpec], motion: Motion | None = None
+) -> TrialSetting:
+    """Return what the engines of an experiment on one trajectory are prepared from; its motion where it is known.
 
     Raises:
         ExperimentError: an estimator needs more samples than the trajectory has, or a higher rate.
     """
     motion = motion or true_motion(experiment, spec)
-    fitted = fitted_estimators(estimators, spec, len(motion.t))
-    return engine_of(
-        motion, experiment.body, platform_of(experiment, spec), experiment.sources, fitted,
-        trajectory=spec.trajectory, mixing=experiment.mixing, **choice,
+    return TrialSetting(
+        motion=motion, trajectory=spec.trajectory, body=experiment.body, platform=platform_of(experiment, spec),
+        sources=experiment.sources, mixing=experiment.mixing,
+        estimators=fitted_estimators(estimators, spec, len(motion.t)),
     )  # fmt: skip
+
+
+def prepare_engine(
+    experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[EstimatorSpec], **choice: Any
+) -> Choice:
+    """Return the engine of an experiment's trials on one trajectory; see :func:`setting_of`.
+
+    Further arguments are those of :func:`uq.trials.chooser.engine_of`.
+    """
+    return engine_of(setting_of(experiment, spec, estimators), **choice)
 
 
 def fitted_estimators(estimators: Sequence[EstimatorSpec], spec: TrajectorySpec, n: int) -> list[Estimator]:
@@ -102,25 +105,16 @@ def true_motion(experiment: Experiment, spec: TrajectorySpec) -> Motion:
     )
 
 
-def true_motions(
-    experiment: Experiment, specs: Mapping[str, TrajectorySpec], devices: Sequence[jax.Device]
-) -> dict[str, Motion]:
-    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once.
-
-    Different rotations are computed side by side on this process's own of the devices, where they are left.
-    """
-    local_devices = cycle(device for device in devices if device.process_index == jax.process_index())
+def true_motions(experiment: Experiment, specs: Mapping[str, TrajectorySpec]) -> dict[str, Motion]:
+    """Return the true motions by name; rotations that differ only in the point that keeps still are computed once."""
     motions: dict[str, Motion] = {}
     for name, spec in specs.items():
-        equal_rotation = next((other for other in motions if same_rotation(specs[other], spec)), None)
-        if equal_rotation is None:
-            with jax.default_device(next(local_devices)):
-                motions[name] = true_motion(experiment, spec)
-            continue
-        still, still_of_equal = (
-            platform_of(experiment, trajectory).r_cg_from_still for trajectory in (spec, specs[equal_rotation])
-        )
-        motions[name] = further_from_still(motions[equal_rotation], np.asarray(still) - np.asarray(still_of_equal))
+        equal = next((other for other in motions if same_rotation(specs[other], spec)), None)
+        if equal is None:
+            motions[name] = true_motion(experiment, spec)
+        else:
+            still, still_of_equal = (platform_of(experiment, x).r_cg_from_still for x in (spec, specs[equal]))
+            motions[name] = further_from_still(motions[equal], np.asarray(still) - np.asarray(still_of_equal))
     return motions
 
 

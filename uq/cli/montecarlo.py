@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from identify.reporting import Result
-from uq.campaign.campaign import MOST_TRIALS, TRIALS, checkpoint_of, montecarlo
+from uq.campaign.campaign import MOST_TRIALS, TRIALS, montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.adaptive_procedure import Goal
@@ -77,7 +77,7 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
         checkpoints = {
-            name: None if folder is None else checkpoint_of(checkpoint_folder(folder), say)
+            name: None if folder is None else Checkpoint(checkpoint_folder(folder), say=say)
             for name, folder in folders.items()
         }
         try:

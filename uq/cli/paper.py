@@ -5,13 +5,13 @@ import contextlib
 from collections.abc import Mapping
 
 from uq.barreto2016 import paper
-from uq.campaign.campaign import checkpoint_of
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
 from uq.terminal.common import ERRORS, GOES_ON, add_samples_options, keep, output_folder, show, start_jax, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.terminal_bar import TerminalBar, say
+from uq.trials.checkpoint import Checkpoint
 
 __all__ = ["ERRORS", "configure", "run"]
 
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax(alone=not arguments.distributed)
     with together(arguments) as speaks, output_folder(arguments.out) as out:
-        checkpoint = None if out is None else checkpoint_of(checkpoint_folder(out), say)
+        checkpoint = None if out is None else Checkpoint(checkpoint_folder(out), say=say)
         with TerminalBar(silent=not speaks) as progress:
 
             def show_rows(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:

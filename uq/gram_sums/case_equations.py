@@ -176,8 +176,7 @@ def equations_of(
     expected = totals[OF_OMEGA_R] + jnp.expand_dims(noise.feature, tuple(range(1, 1 + len(trials)))) * totals[:1]
     wrench = wrench + expected[:, None] * cell_bias[None]
     force, moment = wrench[:, :3], wrench[:, 3:]
-    crossed = [r_cg[i, None] * force[:, j] - r_cg[j, None] * force[:, i] for i, j in ((1, 2), (2, 0), (0, 1))]
-    residual = jnp.stack([moment[:, k] - crossed[k] for k in range(3)], axis=1)
+    residual = moment - jnp.cross(r_cg[None], force, axis=1)
     right = jnp.tensordot(RIGHT_SIDE, residual.reshape(27, *residual.shape[2:]), 1)
     by_axes = jnp.tensordot(WEIGHTS, gram, 1).reshape(len(AXES), 21, *trials)
     return Equations(*barrier((by_axes, right)))

@@ -112,16 +112,11 @@ def expectation_terms() -> np.ndarray:
         Coefficients, (13, 13, 2, 3, 3, 13): features multiplied; noise of omega or of alpha, and the two axes of its
         covariance; feature whose sum the term is.
     """
-    features = _features(3)
-    number = {feature: k for k, feature in enumerate(features)}
+    algebra, number = noise_algebra(1), {feature: k for k, feature in enumerate(_features(3))}
     terms = np.zeros((13, 13, 2, 3, 3, 13))
-    for k, left in enumerate(features):
-        for m, right in enumerate(features):
-            product = tuple(sorted(left + right))
-            for first, second, times in _pairs(Counter(product)):
-                (c, i), (d, j) = _channel(first), _channel(second)
-                if (
-                    c == d
-                ):  # at one instant the noises of omega and of alpha are uncorrelated: the taps are antisymmetric
-                    terms[k, m, c, i, j, number[_without(product, first, second)]] += times
+    for k, (monomial, first, second) in enumerate(algebra.quadratic):
+        # at one instant the noises of omega and of alpha are uncorrelated: the taps are antisymmetric
+        if first == second and monomial in number:  # else it is of a sum with the wrench
+            by_axes = algebra.by_quadratic[..., algebra.gram[0], k]
+            terms[:, :, first, :, :, number[monomial]] += np.moveaxis(by_axes, (0, 1), (2, 3))
     return terms

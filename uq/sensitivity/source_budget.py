@@ -92,7 +92,7 @@ def budget(
             run_trials, prepared, trials, seed, devices=devices, batch=batch or prepared.batch(devices[0]),
             segment=prepared.segment, progress=partial(tell, f"{name} budget"),
         )  # fmt: skip
-        errors = np.asarray(estimates.inertia) - np.asarray(experiment.body.inertia)
+        errors = np.asarray(estimates) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, engine=engine, dtype=dtype)
     return BudgetResult(

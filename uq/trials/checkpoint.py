@@ -1,19 +1,17 @@
 """Results of a long campaign so far, in a folder: one file a segment of trials, each with its checksum.
 
-``campaign.json`` describes the campaign; every part names it by its digest. A part is a line of JSON and
-the estimates as NumPy arrays. Several processes write into one folder, each the trials that it computed. Files are
-written beside their place and moved into it, so that a campaign that is killed leaves whole parts only. A folder in
-which anything does not fit is not used at all.
+``campaign.json`` describes the campaign; every part names it by its digest. A part is a line of JSON and the bytes of
+an array of estimates. Among several processes, each of which is given all trials, the first writes. Files are written
+beside their place and moved into it, so that a campaign that is killed leaves whole parts only. A folder in which
+anything does not fit is not used at all.
 """
 
 import contextlib
 import hashlib
 import importlib
-import io
 import json
 import os
 import shutil
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,39 +22,25 @@ from rig.atomic_files import replacing
 from rig.read_limits import parse_json, require_file
 from uq.files.document import ExperimentError
 from uq.sources.draws import stream_number
-from uq.trials.engine import TrialEstimates
+from uq.trials.distributed import is_first
+from uq.trials.engine import Estimates
 
-FORMAT = 2
+FORMAT = 3
 """Version of the files' format."""
-EVERY = 5.0
-"""Seconds between two writes."""
 
 
 class Checkpoint:
     """A folder with the segments of one campaign that are done."""
 
-    def __init__(
-        self,
-        folder: str | Path,
-        *,
-        say: Callable[[str], None] | None = None,
-        every: float = EVERY,
-        processes: int = 1,
-        process: int = 0,
-    ) -> None:
+    def __init__(self, folder: str | Path, *, say: Callable[[str], None] | None = None) -> None:
         """Name the folder; nothing is read or written before :meth:`open`.
 
         Args:
             folder: where the parts are kept; made when the first is written.
             say: called with a line where a campaign is resumed.
-            every: seconds between two writes.
-            processes: how many share the folder.
-            process: which of them this is; the first locks the folder and tidies it up.
         """
-        self.processes, self.first = processes, process == 0
-        self.folder, self.say, self.every = Path(folder), say, every
-        self.pending: list[tuple[Path, bytes]] = []
-        self.digest, self.written, self.lock = "", 0.0, -1
+        self.folder, self.say = Path(folder), say
+        self.digest, self.lock = "", -1
         self.made: list[Path] = []
 
     def open(self, identity: Mapping[str, Any]) -> None:
@@ -66,85 +50,64 @@ class Checkpoint:
             ExperimentError: the folder is in use, damaged, or of another campaign.
             OSError: it cannot be read or written.
         """
-        made = [folder for folder in (self.folder, *self.folder.parents) if not folder.exists()]
         digest, head = _digest(identity), self.folder / "campaign.json"
-        if not self.first:
-            if not head.exists():
-                raise ExperimentError(f"no {head} on this machine: give --out a folder that all processes share")
-            self._compare(head, dict(identity), digest)
-            self.digest, self.written = digest, time.monotonic()
-            return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
-        try:
-            _lock(self.lock)
-        except OSError:
-            os.close(self.lock)
-            self.lock = -1
-            raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
+        if is_first():
+            self.made = [folder for folder in (self.folder, *self.folder.parents) if not folder.exists()]
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock()
         if head.exists():
             self._compare(head, dict(identity), digest)
+        elif not is_first():
+            raise ExperimentError(f"no {head} on this machine: give --out a folder that all processes share")
         elif any(self.folder.glob("*.part")):
             raise ExperimentError(f"no campaign.json in {self.folder}: {_delete(self.folder)}")
         else:
             try:
                 _write(head, json.dumps({"format": FORMAT, "digest": digest, "campaign": identity}, indent=1).encode())
             except OSError:  # a full disk: nothing to go on from
-                self.made = made
                 self.remove()
                 raise
-        self.digest, self.made, self.written = digest, made, time.monotonic()
+        self.digest = digest
 
-    def load(self, trajectory: str, trials: int) -> list[TrialEstimates]:
+    def load(self, trajectory: str, trials: int) -> list[Estimates]:
         """Return the segments of a trajectory that are done, from its first trial on.
 
         Raises:
             ExperimentError: a part is cut, edited, missing, or of another campaign.
             OSError: it cannot be read.
         """
-        parts: list[TrialEstimates] = []
+        parts: list[Estimates] = []
         done = 0
-        paths = sorted(self.folder.glob(f"{_stem(trajectory)}-*.part"))
-        for k, path in enumerate(paths):
+        for path in sorted(self.folder.glob(f"{_stem(trajectory)}-*.part")):
             header, estimates = self._read(path)
-            if header["first"] > done and header["processes"] > 1:
-                for late in paths[k:] if self.first else []:  # a process that was lost had more to write
-                    late.unlink()  # nothing leads up to it: its trials are run again
-                break
             if (header["trajectory"], header["first"]) != (trajectory, done):
                 raise ExperimentError(f"a part before {path} is missing: {_delete(self.folder)}")
-            done += len(estimates.ok)
+            done += len(estimates)
             parts.append(estimates)
-        if done and self.say:
+        if done and self.say and is_first():
             self.say(f"resuming {trajectory} at trial {min(done, trials):,} of {trials:,}")
         return parts
 
-    def keep(self, trajectory: str, first: int, estimates: TrialEstimates) -> None:
-        """Take a segment; write the pending ones if it is time."""
+    def keep(self, trajectory: str, first: int, estimates: Estimates) -> None:
+        """Write a segment; the first process alone does."""
+        if not is_first():
+            return
         path = self.folder / f"{_stem(trajectory)}-{first:010d}.part"
-        header = {"format": FORMAT, "campaign": self.digest, "trajectory": trajectory, "first": first}
-        header["processes"] = self.processes
-        self.pending.append((path, _pack(header, estimates)))
-        if time.monotonic() - self.written >= self.every:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write the pending segments."""
-        for path, data in self.pending:
-            _write(path, data)
-        self.pending, self.written = [], time.monotonic()
+        content = np.asarray(estimates)
+        header = {
+            "campaign": self.digest, "trajectory": trajectory, "first": first, "dtype": content.dtype.str,
+            "shape": content.shape,
+        }  # fmt: skip
+        payload = content.tobytes()
+        _write(path, json.dumps(header | {"sha256": _checksum(header, payload)}).encode() + b"\n" + payload)
 
     def close(self) -> None:
-        """Write the pending segments and unlock the folder; delete it if it holds nothing to resume from."""
+        """Unlock the folder; delete it if it holds nothing to resume from."""
         if self.lock < 0:
-            if not self.first and self.digest:
-                self.flush()
             return
         try:
-            if self.digest:
-                self.flush()
-                if not any(self.folder.glob("*.part")):
-                    self.remove()
+            if self.digest and not any(self.folder.glob("*.part")):
+                self.remove()
         finally:
             os.close(self.lock)
             self.lock = -1
@@ -155,6 +118,15 @@ class Checkpoint:
         with contextlib.suppress(OSError):
             for folder in self.made[1:]:
                 folder.rmdir()
+
+    def _lock(self) -> None:
+        self.lock = os.open(self.folder / "lock", os.O_CREAT | os.O_RDWR, 0o644)
+        try:
+            _lock_file(self.lock)
+        except OSError:
+            os.close(self.lock)
+            self.lock = -1
+            raise ExperimentError(f"another campaign writes in {self.folder}: wait for it, or choose another") from None
 
     def _compare(self, head: Path, identity: dict[str, Any], expected: str) -> None:
         require_file(head)
@@ -175,7 +147,7 @@ class Checkpoint:
                 f"give the same arguments as before, choose another folder, or {_delete(self.folder)}"
             )
 
-    def _read(self, path: Path) -> tuple[dict[str, Any], TrialEstimates]:
+    def _read(self, path: Path) -> tuple[dict[str, Any], Estimates]:
         require_file(path)
         line, _, payload = path.read_bytes().partition(b"\n")
         try:
@@ -187,11 +159,10 @@ class Checkpoint:
             raise ExperimentError(f"{path} is cut or edited (its checksum is another): {_delete(self.folder)}")
         if header["campaign"] != self.digest:
             raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
-        with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
-            return header, TrialEstimates(arrays["inertia"], arrays["ok"])
+        return header, np.frombuffer(payload, header["dtype"]).reshape(header["shape"])
 
 
-def _lock(handle: int) -> None:
+def _lock_file(handle: int) -> None:
     """Lock an open file until it is closed, or this process ends. Raises OSError where another has locked it."""
     try:
         import fcntl
@@ -213,13 +184,6 @@ def _stem(trajectory: str) -> str:
 
 def _digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _pack(header: dict[str, Any], estimates: TrialEstimates) -> bytes:
-    buffer = io.BytesIO()
-    np.savez(buffer, inertia=estimates.inertia, ok=estimates.ok)
-    payload = buffer.getvalue()
-    return json.dumps(header | {"sha256": _checksum(header, payload)}).encode() + b"\n" + payload
 
 
 def _checksum(header: dict[str, Any], payload: bytes) -> str:

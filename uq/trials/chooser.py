@@ -11,17 +11,14 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int, Key
+from jaxtyping import Array, Float, Int, Key
 
-from identify.motion.trajectory import Motion, Trajectory
 from identify.pytree import static_field
-from identify.rigid_body.inertia import Body
-from uq.gram_sums.cases import Case, Estimator, cases_of
-from uq.gram_sums.error_maps import Platform
+from uq.gram_sums.cases import Case, cases_of
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source
-from uq.trials.engine import Engine, TrialEstimates
+from uq.trials.engine import Engine, Estimates, TrialSetting
 from uq.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.trials.sums_engine import quasi_random
 from uq.trials.sums_limits import beyond_sums
@@ -34,7 +31,7 @@ class CombinedEngine(Engine):
     """Engines of some cases each, and the estimates of those that are the same in every trial."""
 
     parts: tuple[Engine, ...]
-    same: TrialEstimates
+    same: Float[Array, "estimators same 6"]
     """Estimates of the cases in which nothing is drawn."""
     order: tuple[int, ...] = static_field()
     """Place of each case among those of the parts, one part after the other, and the same ones last."""
@@ -44,15 +41,15 @@ class CombinedEngine(Engine):
         return min((part.batch(device) for part in self.parts), default=1)
 
     @property
-    def segment(self) -> int:
+    def segment(self) -> int:  # type: ignore[override]
         """Return that of the slowest part."""
         return min((part.segment for part in self.parts), default=1)
 
-    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
         """Return the estimates of all cases, from each part's draws."""
-        same = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(indices), *leaf.shape)), self.same)
+        same = jnp.broadcast_to(self.same, (len(indices), *self.same.shape))
         parts = [*(part.run(key, indices) for part in self.parts), same]
-        return jax.tree.map(lambda *leaves: jnp.concatenate(leaves, axis=2)[:, :, np.array(self.order)], *parts)
+        return jnp.concatenate(parts, axis=2)[:, :, np.array(self.order)]
 
 
 class Choice(NamedTuple):
@@ -65,15 +62,9 @@ class Choice(NamedTuple):
 
 
 def engine_of(
-    motion: Motion,
-    body: Body,
-    platform: Platform,
-    sources: Sequence[Source],
-    estimators: Sequence[Estimator],
-    *,
-    trajectory: Trajectory,
-    mixing: Sequence[Mixing] = (),
+    setting: TrialSetting,
     cases: Sequence[Case] | None = None,
+    *,
     engine: EngineName = "sums",
     dtype: str = "float64",
     points: tuple[int, int] | None = None,
@@ -81,29 +72,22 @@ def engine_of(
     """Return what runs the trials of an experiment on one trajectory.
 
     Args:
-        motion: the samples of the trajectory.
-        body: that is moved.
-        platform: what carries it.
-        sources: of error.
-        estimators: with their differentiators.
-        trajectory: of the motion, which a delayed gyro reads at other instants.
-        mixing: sources that are correlated.
+        setting: the trajectory.
         cases: sets of sources that act together; None for all of the breakdown.
         engine: ``sums``, but for cases that they do not tell, or ``samples`` for all.
         dtype: precision of noise and signals, where samples are drawn.
         points: number of trials and seed, if those on sums are to be quasi-random.
     """
+    body, sources, mixing = setting.body, setting.sources, setting.mixing
     cases = tuple(cases or cases_of(sources))
 
     def by_samples(cases: Sequence[Case]) -> SamplesEngine:
         acting = [source for source in sources if any(source.name in case.sources for case in cases)]
-        return prepare_samples(
-            motion, body, platform, acting, estimators, trajectory=trajectory, mixing=mixing, dtype=dtype, cases=cases
-        )
+        return prepare_samples(setting._replace(sources=acting), cases, dtype)
 
     if engine == "samples":
         return Choice(by_samples(cases), {})
-    run = true_run(motion, trajectory, body, sources, estimators)
+    run = true_run(setting)
     standing, reasons = _in_sums(run, sources, mixing, cases)
     noises = gyro_noises(tuple(standing.values()), mixing, run.rate)
     moments = moments_of(run, list(noises.values()))
@@ -119,8 +103,8 @@ def engine_of(
     same = [case for case in cases if case.name in reasons and not case.sources & drawn]
     parts: list[Engine] = []
     if summed:
-        stand = tuple(standing[s.name] for s in sources if s.name in standing)
-        sums = prepare_sums(run, body, platform, stand, mixing=mixing, cases=summed, moments=moments)
+        stand = [standing[s.name] for s in sources if s.name in standing]
+        sums = prepare_sums(run, setting._replace(sources=stand), summed, moments)
         parts.append(sums if points is None else quasi_random(sums, *points))
     if sampled:
         parts.append(by_samples(sampled))
@@ -133,7 +117,7 @@ def engine_of(
     computed = {key: value for key, value in computed.items() if value}
     if len(parts) == 1 and not same:
         return Choice(parts[0], computed)
-    once = _first_trial(by_samples(same)) if same else TrialEstimates.none(len(estimators))
+    once = _first_trial(by_samples(same)) if same else jnp.zeros((len(setting.estimators), 0, 6))
     places = {case: k for k, case in enumerate([*summed, *sampled, *same])}
     order = tuple(places[case] for case in cases)
     return Choice(CombinedEngine(cases=cases, parts=tuple(parts), same=once, order=order), computed)
@@ -186,7 +170,6 @@ def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> st
 
 
 @jax.jit
-def _first_trial(engine: SamplesEngine) -> TrialEstimates:
+def _first_trial(engine: SamplesEngine) -> Float[Array, "estimators cases 6"]:
     """Return the estimates of one trial: where nothing is drawn, of every trial."""
-    estimates = engine.run(jax.random.key(0), jnp.zeros(1, int))
-    return jax.tree.map(lambda leaf: leaf[0], estimates)
+    return engine.run(jax.random.key(0), jnp.zeros(1, int))[0]

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import jax
@@ -150,16 +150,6 @@ def _from_first(message: str) -> str:
     with guarded():
         received = np.asarray(multihost_utils.broadcast_one_to_all(text))
     return bytes(received[received > 0]).decode()
-
-
-def local_share(devices: Sequence[jax.Device], first: int, segment: T) -> tuple[int, T]:
-    """Return the part of a segment that this process computed, and the number of its first trial."""
-    if not several():
-        return first, segment
-    per_device = len(jax.tree.leaves(segment)[0]) // len(devices)
-    local = [k for k, device in enumerate(devices) if device.process_index == jax.process_index()]
-    begin, end = per_device * local[0], per_device * (local[-1] + 1)
-    return first + begin, jax.tree.map(lambda leaf: leaf[begin:end], segment)
 
 
 @contextlib.contextmanager

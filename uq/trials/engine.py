@@ -1,28 +1,39 @@
 """An engine of trials: draws in, tensors out, for every set of sources that act together."""
 
 from abc import abstractmethod
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple
 
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, Key
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
 
+from identify.motion.trajectory import Motion, Trajectory
 from identify.pytree import Pytree, static_field
-from uq.gram_sums.cases import Case
+from identify.rigid_body.inertia import Body
+from uq.gram_sums.cases import Case, Estimator
+from uq.gram_sums.error_maps import Platform
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
 
 
-class TrialEstimates(NamedTuple):
-    """Estimates of trials."""
+class TrialSetting(NamedTuple):
+    """One trajectory of an experiment: all that its engines are prepared from."""
 
-    inertia: Float[Array, "*trials estimators cases 6"]
-    """Packed tensors [kg·m²]; NaN where a case could not be solved."""
-    ok: Bool[Array, "*trials estimators cases"]
-    """True where the normal equations could be solved."""
+    motion: Motion
+    """Its samples."""
+    trajectory: Trajectory
+    """The rotation, which a delayed gyro reads at other instants."""
+    body: Body
+    platform: Platform
+    sources: Sequence[Source]
+    mixing: Sequence[Mixing]
+    """Sources that are correlated."""
+    estimators: Sequence[Estimator]
 
-    @classmethod
-    def none(cls, estimators: int) -> "TrialEstimates":
-        """Return those of no case."""
-        return cls(jnp.zeros((estimators, 0, 6)), jnp.zeros((estimators, 0), bool))
+
+Estimates = Float[Array | np.ndarray, "trials estimators cases 6"]
+"""Packed tensors that trials estimate [kg·m²]; NaN where a case could not be solved."""
 
 
 class Engine(Pytree):
@@ -34,18 +45,15 @@ class Engine(Pytree):
 
     cases: tuple[Case, ...] = static_field()
     """The sets of sources that act together."""
+    segment: ClassVar[int]
+    """Number of trials, roughly, that a device does between two reports of progress."""
 
     @abstractmethod
     def batch(self, device: jax.Device) -> int:
         """Return how many trials a device does best at a time."""
 
-    @property
     @abstractmethod
-    def segment(self) -> int:
-        """Number of trials, roughly, that a device does between two reports of progress."""
-
-    @abstractmethod
-    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
         """Return the estimates of a batch of trials; the trials are the leading axis.
 
         Args:
@@ -54,6 +62,6 @@ class Engine(Pytree):
         """
 
 
-def run_trials(engine: Engine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+def run_trials(engine: Engine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
     """Run a batch of trials, for :class:`uq.trials.trial_loop.TrialLoop`."""
     return engine.run(key, indices)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from identify.estimators.gram import Sums, solve
-from identify.motion.trajectory import Motion, Trajectory
+from identify.motion.trajectory import Trajectory
 from identify.pytree import static_field
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
@@ -26,7 +26,7 @@ from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, pertu
 from uq.sources.draws import BLOCK, Mixing, draw_constants, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.random_normals import in_order
 from uq.sources.source import Source
-from uq.trials.engine import Engine, TrialEstimates
+from uq.trials.engine import Engine, Estimates, TrialSetting
 
 
 class SamplesEngine(Engine):
@@ -48,17 +48,14 @@ class SamplesEngine(Engine):
     columns: Columns = static_field()
     dtype: np.dtype = static_field()
     """Precision of noise and signals; constant errors, sums over blocks and solutions have the default precision."""
+    segment = 100
+    """Seconds."""
 
     def batch(self, device: jax.Device) -> int:
         """Return one on a processor, whose cache holds the record of one trial."""
         return 1 if device.platform == "cpu" else 64
 
-    @property
-    def segment(self) -> int:
-        """Return a hundred trials: seconds."""
-        return 100
-
-    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
         """Return the estimates of trials, side by side."""
         return jax.vmap(lambda index: sampled_trial(self, key, index))(indices)
 
@@ -80,29 +77,22 @@ class SensorRecord(NamedTuple):
 
 
 def prepare_samples(
-    motion: Motion,
-    body: Body,
-    platform: Platform,
-    sources: Sequence[Source],
-    estimators: Sequence[Estimator],
-    *,
-    trajectory: Trajectory,
-    mixing: Sequence[Mixing] = (),
-    dtype: str = "float64",
-    cases: Sequence[Case] | None = None,
+    setting: TrialSetting, cases: Sequence[Case] | None = None, dtype: str = "float64"
 ) -> SamplesEngine:
     """Keep every sample of a noise-free motion and its wrench; ``cases``: None for all of the breakdown."""
-    columns = Columns.of(sources)
-    wrench = columns.sampled(*jax.tree.map(np.asarray, (body, motion)))
+    motion, sources, columns = setting.motion, setting.sources, Columns.of(setting.sources)
+    wrench = columns.sampled(*jax.tree.map(np.asarray, (setting.body, motion)))
     return SamplesEngine(
-        cases=tuple(cases or cases_of(sources)), body=body, platform=platform, trajectory=trajectory,
-        t=motion.t, omega=motion.omega.astype(dtype), wrench=jax.device_put(wrench.astype(dtype)),
-        sources=tuple(sources), mixing=tuple(mixing), estimators=tuple(estimators), columns=columns,
-        dtype=np.dtype(dtype),
+        cases=tuple(cases or cases_of(sources)), body=setting.body, platform=setting.platform,
+        trajectory=setting.trajectory, t=motion.t, omega=motion.omega.astype(dtype),
+        wrench=jax.device_put(wrench.astype(dtype)), sources=tuple(sources), mixing=tuple(setting.mixing),
+        estimators=tuple(setting.estimators), columns=columns, dtype=np.dtype(dtype),
     )  # fmt: skip
 
 
-def sampled_trial(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]) -> TrialEstimates:
+def sampled_trial(
+    engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
+) -> Float[Array, "estimators cases 6"]:
     """Run one trial: its estimates of every case and estimator, from the same draws."""
     draws = draw_constants(engine.sources, engine.mixing, key, index, jnp.result_type(float))
     errors = errors_of_cases(engine.sources, draws, [case.sources for case in engine.cases])
@@ -118,8 +108,8 @@ def sampled_trial(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, 
     # what no source sets stays out of the loop, so that the compiler sees its zeros
     moving = {field: getattr(errors, field) for field in perturbed(engine.sources)}
     sums = jax.lax.map(of_case, (moving, np.array(acting)))
-    solved = jax.vmap(jax.vmap(solve, in_axes=(0, None)), out_axes=1)(sums, engine.body.r_cg_from_q[None] + errors.r_cg)
-    return TrialEstimates(solved.inertia, solved.ok)
+    solved = jax.vmap(jax.vmap(solve, in_axes=(0, None)), out_axes=1)
+    return solved(sums, engine.body.r_cg_from_q[None] + errors.r_cg).inertia
 
 
 def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]) -> dict[str, Float[Array, "3 n"]]:

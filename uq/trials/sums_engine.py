@@ -12,15 +12,15 @@ neither source makes alone. So few numbers make a trial that quasi-random ones s
 (:mod:`uq.sources.quasi_random`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Key
+from jaxtyping import Array, Float, Int, Key
 
 from identify.estimators.gram import solve_normal
 from identify.pytree import Pytree, static_field
@@ -39,19 +39,18 @@ from uq.gram_sums.case_equations import (
     weighted_sums,
 )
 from uq.gram_sums.cases import Case
-from uq.gram_sums.error_maps import Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform, gyro_map
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import Mixing, block_key, constant_coordinates, constants_at, draw_constants, stream_number
 from uq.sources.quasi_random import SobolPoints, sobol_points
 from uq.sources.random_normals import normals_of_keys
 from uq.sources.source import Source
-from uq.trials.engine import Engine, TrialEstimates
+from uq.trials.engine import Engine, Estimates
 
-CELL_MAPS = frozenset(
-    {"cell_scale", "cell_misalignment", "cell_cross_talk", "cell_drift", "gravity", "r_cg_from_omb", "tilt",
-     "displaced_air", "entrained_air"}
-)  # fmt: skip
+CELL_MAPS = OF_THE_RIG | {"cell_scale", "cell_misalignment", "cell_cross_talk", "cell_drift"}
 """Errors that map the wrench."""
+GYRO_MAPS = frozenset({"gyro_misalignment", "gyro_scale"})
+"""Errors that map the angular velocity."""
 
 
 class GyroStreams(Pytree):
@@ -134,6 +133,8 @@ class SumsEngine(Engine):
     gyro: GyroStreams
     cell: CellStreams
     crossed: CrossedNoise
+    segment = 5000
+    """A fraction of a second."""
     points: SobolPoints | None = None
     """Points of quasi-random trials; None: they are random."""
 
@@ -141,12 +142,7 @@ class SumsEngine(Engine):
         """Return as many trials as fill a processor's vector units and stay in its cache."""
         return 500
 
-    @property
-    def segment(self) -> int:
-        """Return some thousands of trials: a fraction of a second."""
-        return 5000
-
-    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> TrialEstimates:
+    def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
         """Return the estimates of trials, which stand side by side on the last axis of all that is computed."""
         draws = _draw(self, key, indices)
         order, parts = [], []
@@ -155,8 +151,7 @@ class SumsEngine(Engine):
             order += members
             if members:
                 parts.append(jax.lax.map(partial(_case, self, draws, moving=moving), np.array(members)))
-        inertia, ok = (jnp.concatenate(leaves)[np.argsort(order)] for leaves in zip(*parts, strict=True))
-        return TrialEstimates(inertia.transpose(3, 1, 0, 2), ok.transpose(2, 1, 0))
+        return jnp.concatenate(parts)[np.argsort(order)].transpose(3, 1, 0, 2)
 
 
 class _Draws(NamedTuple):
@@ -234,17 +229,22 @@ def _normals(
 
 def _case(
     engine: SumsEngine, draws: _Draws, case: Int[Array, ""], *, moving: bool
-) -> tuple[Float[Array, "estimators 6 trials"], Bool[Array, "estimators trials"]]:
-    """Return the estimates of one case, and which of them could be solved."""
+) -> Float[Array, "estimators 6 trials"]:
+    """Return the estimates of one case."""
     drawn = {field: values[case] for field, values in draws.errors.items()}
-    errors, count = _no_errors()._replace(**drawn), draws.trials
+    errors = _no_errors()._replace(**drawn)
     gyro_errors = errors if moving else _no_errors()
-    features = _features_of(engine, gyro_errors)
-    cell = _cell_map(engine, drawn)
+    gyro = _by_trial(gyro_map, drawn if moving else {}, GYRO_MAPS)
+    drifts = "gyro_drift" in perturbed(engine.sources)
+    features = feature_map(
+        jnp.eye(3)[:, :, None] if gyro is None else gyro, jnp.asarray(gyro_errors.gyro_bias),
+        jnp.asarray(gyro_errors.gyro_drift) if drifts else None,
+    )  # fmt: skip
+    cell = _by_trial(partial(engine.columns.map, engine.body, engine.platform), drawn, CELL_MAPS)
     r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
     weights = engine.sums.node_weights(gyro_errors.gyro_delay)
 
-    def estimator(k: Int[Array, ""]) -> tuple[Array, Array]:
+    def estimator(k: Int[Array, ""]) -> Float[Array, "6 trials"]:
         sums = engine.sums.weighted(weights, k)
         if moving and engine.gyro.names:
             sums = _fluctuating(engine, draws, sums, case, k)
@@ -256,7 +256,7 @@ def _case(
             normals = _cell_normals(engine, draws, case, k) if moving and engine.crossed.names else draws.cell
             right = right + jnp.sum(noise_of_right_side(covariance, normals), axis=1)
         estimate = solve_normal(symmetric(jnp.sum(equations.by_axes[:3], axis=0)), right)
-        return jnp.broadcast_to(estimate.inertia, (6, count)), jnp.broadcast_to(estimate.ok, (count,))
+        return jnp.broadcast_to(estimate.inertia, (6, draws.trials))
 
     return jax.lax.map(estimator, jnp.arange(engine.sums.gram.shape[1]))
 
@@ -290,22 +290,14 @@ def _no_errors() -> Errors:
     return Errors(*(x[..., None] for x in no_errors()))
 
 
-def _features_of(engine: SumsEngine, errors: Errors) -> Float[Array, "13 elements #trials"]:
-    if perturbed(engine.sources) & {"gyro_misalignment", "gyro_scale"}:
-        given = (errors.gyro_misalignment, errors.gyro_scale)
-        turned = lambda turn, scale: gyro_map(no_errors()._replace(gyro_misalignment=turn, gyro_scale=scale))  # noqa: E731
-        gyro = jnp.asarray(jax.vmap(turned, in_axes=-1, out_axes=-1)(*map(jnp.asarray, given)))
-    else:
-        gyro = jnp.eye(3)[:, :, None]
-    drifts = "gyro_drift" in perturbed(engine.sources)
-    return feature_map(gyro, jnp.asarray(errors.gyro_bias), jnp.asarray(errors.gyro_drift) if drifts else None)
-
-
-def _cell_map(engine: SumsEngine, moving: Mapping[str, Array]) -> Float[Array | np.ndarray, "6 columns trials"] | None:
-    if not perturbed(engine.sources) & CELL_MAPS:
+def _by_trial(
+    function: Callable[[Errors], Any], drawn: Mapping[str, Array], fields: frozenset[str]
+) -> Float[Array, "rows columns trials"] | None:
+    """Return a matrix that depends on these fields of the errors, trial by trial; None where none is drawn."""
+    moving = {field: values for field, values in drawn.items() if field in fields}
+    if not moving:
         return None
-    mapped = lambda errors: engine.columns.map(engine.body, engine.platform, no_errors()._replace(**errors))  # noqa: E731
-    return jax.vmap(mapped, in_axes=-1, out_axes=-1)({field: moving[field] for field in moving if field in CELL_MAPS})
+    return jax.vmap(lambda errors: function(no_errors()._replace(**errors)), in_axes=-1, out_axes=-1)(moving)
 
 
 def _fluctuating(engine: SumsEngine, draws: _Draws, sums: FeatureSums, case: Array, estimator: Array) -> FeatureSums:

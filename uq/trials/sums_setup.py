@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Motion, Trajectory
+from identify.motion.trajectory import Trajectory
 from identify.rigid_body.inertia import Body
 from identify.signals.differentiate import padded_derivative
 from uq.gram_sums.case_equations import (
@@ -22,12 +22,13 @@ from uq.gram_sums.case_equations import (
     symmetric,
 )
 from uq.gram_sums.cases import Case, Estimator
-from uq.gram_sums.error_maps import Columns, Platform, true_elements
+from uq.gram_sums.error_maps import Columns, true_elements
 from uq.gram_sums.run_moments import RunMoments, filtered_backwards, run_moments
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
+from uq.trials.engine import TrialSetting
 from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsByDelay, SumsEngine
 
 NEGLIGIBLE = 1e-12
@@ -54,27 +55,18 @@ class TrueRun(NamedTuple):
     """Error of the sums that are interpolated, in parts of the delay's largest effect."""
 
 
-def true_run(
-    motion: Motion, trajectory: Trajectory, body: Body, sources: Sequence[Source], estimators: Sequence[Estimator]
-) -> TrueRun:
-    """Sum over a noise-free run, at as many delays as the sources need.
-
-    Args:
-        motion: the samples of the trajectory.
-        trajectory: of the motion, which a delayed gyro reads at other instants.
-        body: that is moved.
-        sources: those that delay the gyro, that drift, and that need further columns of the wrench decide what is kept.
-        estimators: with their differentiators.
-    """
+def true_run(setting: TrialSetting) -> TrueRun:
+    """Sum over a noise-free run, at as many delays of the gyro as the sources need."""
+    motion, sources, estimators = setting.motion, setting.sources, setting.estimators
     on_host = jax.tree.map(np.asarray, motion)
     t, rate = on_host.t - on_host.t[0], (len(on_host.t) - 1) / (on_host.t[-1] - on_host.t[0])
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
-    wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, body), on_host)
+    wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
     middle, reach = delay_range(sources)
 
     def omega_at(delay: float) -> np.ndarray:
-        return np.asarray(_omega_at(trajectory, motion.t, np.float64(delay))) if reach else on_host.omega
+        return np.asarray(_omega_at(setting.trajectory, motion.t, np.float64(delay))) if reach else on_host.omega
 
     def elements_at(delay: float) -> list[np.ndarray]:
         omega = omega_at(delay)
@@ -105,33 +97,21 @@ def valid_samples(n: int, estimators: Sequence[Estimator]) -> Float[np.ndarray, 
     return ((index >= halo) & (index < n - halo)).astype(float)
 
 
-def prepare_sums(
-    run: TrueRun,
-    body: Body,
-    platform: Platform,
-    sources: Sequence[Source],
-    *,
-    mixing: Sequence[Mixing],
-    cases: Sequence[Case],
-    moments: RunMoments,
-) -> SumsEngine:
+def prepare_sums(run: TrueRun, setting: TrialSetting, cases: Sequence[Case], moments: RunMoments) -> SumsEngine:
     """Return what trials on sums need.
 
     Args:
         run: without noise.
-        body: that is moved.
-        platform: what carries it.
-        sources: all of whose effects sums tell.
-        mixing: sources that are correlated.
+        setting: with sources all of whose effects sums tell.
         cases: sets of sources that act together.
         moments: of the run's sums (:func:`moments_of`).
     """
-    cases = tuple(cases)
+    cases, body, sources, mixing = tuple(cases), setting.body, setting.sources, setting.mixing
     noises = gyro_noises(sources, mixing, run.rate)
     gyro, expectation = _gyro_streams(noises, cases, moments)
-    cell = _cell_streams(sources, mixing, cases, run.rate, run.elements)
+    cell = _cell_streams(sources, mixing, cases, run)
     return SumsEngine(
-        cases=cases, body=body, platform=platform, sources=tuple(sources), mixing=tuple(mixing),
+        cases=cases, body=body, platform=setting.platform, sources=tuple(sources), mixing=tuple(mixing),
         columns=Columns.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
         crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
@@ -234,21 +214,9 @@ def square_root(covariance: Float[np.ndarray, "*sets k k"]) -> Float[np.ndarray,
 
 
 def _cell_streams(
-    sources: Sequence[Source],
-    mixing: Sequence[Mixing],
-    cases: Sequence[Case],
-    rate: float,
-    elements: Float[np.ndarray, "estimators elements n"],
+    sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case], run: TrueRun
 ) -> CellStreams:
-    """Return the streams of the load cell's noise.
-
-    Args:
-        sources: of the experiment.
-        mixing: sources that are correlated.
-        cases: sets of sources that act together.
-        rate: sample rate [Hz].
-        elements: every estimator's, at each sample.
-    """
+    """Return the streams of the load cell's noise."""
     noise = {s.name: s for s in sources if s.noise and not s.of_gyro}
     joined = {name: frozenset(mix.names) & set(noise) for mix in mixing for name in mix.names if name in noise}
     groups = list(dict.fromkeys(joined.get(name, frozenset([name])) for name in noise))
@@ -258,14 +226,14 @@ def _cell_streams(
         acting = [source for source in noise.values() if source.name in names & case.sources]
         white[k, :, :, stream] = white_covariance([s for s in acting if s.white], mixing)
         for source in (s for s in acting if not s.white):
-            for part in source.error_kind.noise_parts(source, rate):
+            for part in source.error_kind.noise_parts(source, run.rate):
                 channels = CELL_CHANNELS[source.target] + np.arange(3)
                 size = white if part.filter == WHITE else driving.setdefault(part.filter, nothing.copy())
                 size[k, channels, channels, stream] += part.sigma**2
     coloured = []
     for filter_, size in driving.items():
-        streams, filtered = np.flatnonzero(size.any(axis=(0, 1, 2))), [filtered_backwards(x, filter_) for x in elements]
-        behind = np.array([phi @ phi.T for phi in filtered])
+        streams = np.flatnonzero(size.any(axis=(0, 1, 2)))
+        behind = np.array([phi @ phi.T for phi in (filtered_backwards(x, filter_) for x in run.elements)])
         coloured.append(ColouredNoise(tuple(streams.tolist()), *jax.device_put((size[..., streams], behind))))
     first = tuple(next(name for name in noise if name in group) for group in groups)
     return CellStreams(first, jax.device_put(white), tuple(coloured))

@@ -19,7 +19,7 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int, Key, UInt32
 
-from uq.trials.distributed import guarded, local_share, several
+from uq.trials.distributed import guarded, several
 
 Tree = TypeVar("Tree")
 Progress = Callable[[int, int], None]
@@ -61,8 +61,7 @@ class TrialLoop:
             batch: trials that one device computes at a time.
             segment: about how many it computes between two reports of progress.
             done: results of the first trials, segment by segment.
-            keep: called with the number of each further segment's first trial and its results: those that this process
-                computed.
+            keep: called with the number of each further segment's first trial and its results.
         """
         self.run, self.batch, self.segment, self.keep = run, batch, segment, keep
         self.devices = list(devices or jax.devices())
@@ -72,7 +71,6 @@ class TrialLoop:
         if several():
             self.problem, data = _everywhere((problem, data), self.mesh)
         self.key = jax.random.wrap_key_data(data)
-        self.pending: Any = None
         self.segments = list(done)
         self.count = sum(map(trials_in, self.segments))
 
@@ -81,34 +79,27 @@ class TrialLoop:
         asked = trials if asked is None else asked
         segment = self._segment(asked)
         while self.count < trials:
-            results = self._begin(segment) if self.pending is None else self.pending
-            with guarded():
-                segment_results = jax.tree.map(np.asarray, results)
-            self.pending = None
+            segment_results = self._run(segment)
             if self.keep:
-                self.keep(*local_share(self.devices, self.count, segment_results))
+                self.keep(self.count, segment_results)
             self.segments.append(segment_results)
             self.count += trials_in(segment_results)
             if progress:
                 progress(min(self.count, asked), asked)
-
-    def begin(self, asked: int) -> None:
-        """Start the next segment on the devices without waiting; :meth:`reach` waits for it."""
-        if self.count < asked and not several():
-            self.pending = self._begin(self._segment(asked))
 
     def _segment(self, asked: int) -> int:
         """Trials between two reports of progress: whole batches, about ``segment`` a device."""
         per_device = self.batch * max(1, self.segment // self.batch)
         return min(per_device, -(-asked // len(self.devices))) * len(self.devices)
 
-    def _begin(self, segment: int) -> Any:
+    def _run(self, segment: int) -> Any:
         numbers, shards = np.arange(self.count, self.count + segment), NamedSharding(self.mesh, PartitionSpec("trials"))
         split = jax.make_array_from_callback(numbers.shape, shards, lambda share: numbers[share])
         with guarded():
-            return _sharded(
+            results = _sharded(
                 self.run, self.problem, self.key, split, mesh=self.mesh, batch=self.batch, gathered=several()
             )
+            return jax.tree.map(np.asarray, results)
 
     def results(self, last: int, first: int = 0) -> Any:
         """Return trials ``first`` … ``last`` - 1, which must be done, as NumPy arrays, trials leading."""

@@ -48,7 +48,7 @@ def estimates(experiment, trials, *, name="T1", estimators=("central",), devices
 
 
 def errors(experiment, trials, **options):
-    return estimates(experiment, trials, **options)[1].inertia - np.asarray(experiment.inertia)
+    return estimates(experiment, trials, **options)[1] - np.asarray(experiment.inertia)
 
 
 # --- no errors ---
@@ -81,7 +81,7 @@ def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, na
 def test_motions_computed_together_are_those_computed_alone(brief):
     """T2 and T4 are T1 and T3 about another point; the order in which they come does not matter."""
     for order in (("T1", "T2", "T3", "T4"), ("T4", "T2", "T3", "T1")):
-        found = true_motions(brief, {name: brief.trajectories[name] for name in order}, jax.devices())
+        found = true_motions(brief, {name: brief.trajectories[name] for name in order})
         for name in order:
             for together, alone in zip(found[name], true_motion(brief, brief.trajectories[name]), strict=True):
                 np.testing.assert_allclose(together, alone, rtol=1e-13, atol=1e-13)
@@ -100,7 +100,7 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, engine):
     """With the true omega the estimate is linear in F, M and r: variance (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹."""
     trials = 500
     prepared, result = estimates(brief, trials, estimators=("central",), engine=engine)
-    without = estimates(only(brief), 1, estimators=("central",))[1].inertia[0, 0, 0]
+    without = estimates(only(brief), 1, estimators=("central",))[1][0, 0, 0]
     motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
     rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
@@ -123,10 +123,10 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, engine):
         name = case.name.removeprefix("source:")
         if name in closed:
             variance = np.diag(inverse @ closed[name] @ inverse)
-            measured = result.inertia[:, 0, k].var(0, ddof=1)
+            measured = result[:, 0, k].var(0, ddof=1)
             # normal: standard error √(2/(N-1)); 30 comparisons at 4 standard errors: 0.2 % false alarms
             np.testing.assert_allclose(measured, variance, rtol=4 * np.sqrt(2 / (trials - 1)), atol=1e-25, err_msg=name)
-            mean = result.inertia[:, 0, k].mean(0)
+            mean = result[:, 0, k].mean(0)
             np.testing.assert_array_less(np.abs(mean - without), 4 * np.sqrt(variance / trials) + 1e-12)
 
 
@@ -151,7 +151,7 @@ def test_groups_share_their_draws(brief):
         brief, sources=tuple(eqx.tree_at(lambda s: s.sigma, s, 1e-4 * s.sigma) for s in brief.sources)
     )
     engine, result = estimates(tiny, 8)
-    error = result.inertia - np.asarray(errors(only(brief), 1))[0, :, :1][None] - np.asarray(brief.inertia)
+    error = result - np.asarray(errors(only(brief), 1))[0, :, :1][None] - np.asarray(brief.inertia)
     position = {case.name: k for k, case in enumerate(engine.cases)}
     groups = sum(error[:, :, k] for name, k in position.items() if name.startswith("group:"))
     sources = sum(error[:, :, k] for name, k in position.items() if name.startswith("source:"))
@@ -184,7 +184,7 @@ def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
         estimator=one.estimators[0],
         offsets="none",
     )
-    np.testing.assert_allclose(plain(found), result.inertia[3, 0, 0], atol=1e-12 * brief.inertia.max())
+    np.testing.assert_allclose(plain(found), result[3, 0, 0], atol=1e-12 * brief.inertia.max())
 
 
 @pytest.mark.parametrize(
@@ -196,8 +196,8 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, engi
     options = {"dtype": dtype, "engine": engine}
     _, reference = estimates(brief, 6, **options)
     _, other = estimates(brief, 6, devices=jax.devices()[:2], batch=2, **options)  # the last batch is filled up
-    assert other.ok.all()
-    assert np.abs(other.inertia - reference.inertia).max() <= tolerance * brief.inertia.max()
+    assert np.isfinite(other).all()
+    assert np.abs(other - reference).max() <= tolerance * brief.inertia.max()
 
 
 @pytest.mark.study
@@ -245,8 +245,8 @@ def test_an_added_source_changes_no_draw(brief, engine):
     many, both = estimates(brief, 3, engine=engine)
     few, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3, engine=engine)
     for name in ("source:M_bias", "source:omega_precision"):
-        one = both.inertia[:, :, [c.name for c in many.cases].index(name)]
-        two = fewer.inertia[:, :, [c.name for c in few.cases].index(name)]
+        one = both[:, :, [c.name for c in many.cases].index(name)]
+        two = fewer[:, :, [c.name for c in few.cases].index(name)]
         np.testing.assert_allclose(one, two, atol=1e-14)
 
 

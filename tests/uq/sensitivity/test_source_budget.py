@@ -47,7 +47,7 @@ def run(experiment, trials, engine="sums"):
     prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine).engine
     device = jax.devices()[:1]
     drawn = all_trials(run_trials, prepared, trials, 0, devices=device, batch=prepared.batch(device[0]), segment=1000)
-    return twins, (drawn.inertia - np.asarray(experiment.inertia))[:, 0]
+    return twins, (drawn - np.asarray(experiment.inertia))[:, 0]
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from tests.helpers.source_lab import one_trial as plain_trial
 from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import SamplingPlan
 from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import platform_of, prepare_engine, true_motion
+from uq.campaign.trial_setup import prepare_engine, setting_of
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
@@ -89,7 +89,7 @@ def engine_of(e, name="sums", **options):
 def estimates(e, engine=None, key=0, index=0):
     """One trial's estimates by case, (estimators, 6)."""
     engine = engine or engine_of(e)
-    inertia = one_trial(engine, jax.random.key(key), jnp.asarray(index)).inertia
+    inertia = one_trial(engine, jax.random.key(key), jnp.asarray(index))
     return dict(zip([case.name for case in engine.cases], np.asarray(inertia).swapaxes(0, 1), strict=True))
 
 
@@ -306,10 +306,7 @@ def test_noise_comes_before_the_end_of_the_range():
 def test_signals_are_smooth_in_the_draws():
     """The derivative of the record by every draw at once, against central differences."""
     e = experiment(*DRAWN, source("delay", "omega", "delay", sigma="1 ms"))
-    spec = e.trajectories["T"]
-    setup = prepare_samples(
-        true_motion(e, spec), e.body, platform_of(e, spec), e.sources, (), trajectory=spec.trajectory
-    )
+    setup = prepare_samples(setting_of(e, e.trajectories["T"], ()))
     draws = draw_constants(e.sources, (), jax.random.key(0), 0, jnp.dtype(float))
     record = jax.jit(lambda draws: smooth_signals(setup, errors_of(setup.sources, draws)))
     slopes = jax.jit(lambda point, direction: jax.jvp(record, (point,), (direction,))[1])

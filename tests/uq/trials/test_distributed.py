@@ -18,7 +18,6 @@ import pytest
 from uq.cli.main import main
 from uq.experiment.experiment import ExperimentError
 from uq.trials.checkpoint import Checkpoint
-from uq.trials.engine import TrialEstimates
 
 
 @pytest.fixture
@@ -163,31 +162,18 @@ def test_a_process_whose_partner_never_comes_ends_in_one_line(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def estimates(first, count):
-    numbers = np.arange(first, first + count, dtype=float)
-    return TrialEstimates(np.broadcast_to(numbers[:, None, None, None], (count, 1, 1, 6)), np.ones((count, 1, 1), bool))
-
-
-def test_what_a_lost_process_left_unwritten_is_run_again(tmp_path):
-    """Two processes, of which the second wrote one segment less: the first's last part is forgotten."""
-    both = [Checkpoint(tmp_path, every=0.0, processes=2, process=k) for k in range(2)]
-    for member in both:
+def test_the_first_process_alone_writes_in_a_folder_that_all_share(tmp_path, monkeypatch):
+    one = np.zeros((1, 1, 1, 6))
+    for first, parts in ((True, 1), (False, 1)):
+        monkeypatch.setattr("uq.trials.checkpoint.is_first", lambda first=first: first)
+        member = Checkpoint(tmp_path)
         member.open({"seed": 0})
-    for first, member in ((0, 0), (100, 1), (200, 0), (300, 1), (400, 0), (600, 0)):
-        both[member].keep("T1", first, estimates(first, 100))
-    for member in both:
+        trials = len(member.load("T1", 10))
+        member.keep("T1", trials, one)
         member.close()
-    alone = Checkpoint(tmp_path)
-    alone.open({"seed": 0})
-    segments = alone.load("T1", 1000)
-    assert np.concatenate([segment.inertia for segment in segments])[:, 0, 0, 0].tolist() == list(range(500))
-    assert len(list(tmp_path.glob("*.part"))) == 5
-    alone.close()
-
-
-def test_a_folder_that_is_not_shared_is_refused(tmp_path):
+        assert len(list(tmp_path.glob("*.part"))) == parts
     with pytest.raises(ExperimentError, match="give --out a folder that all processes share"):
-        Checkpoint(tmp_path, processes=2, process=1).open({"seed": 0})
+        Checkpoint(tmp_path / "elsewhere").open({"seed": 0})
 
 
 def test_the_script_for_slurm_gives_each_process_all_its_processors(tmp_path):

@@ -64,11 +64,10 @@ def test_fed_with_an_engines_draws_the_estimates_are_its_own(reference, truth, b
     experiment = brief if names is None else only(brief, *names)
     engine = engine_of(experiment, name)
     estimates = eqx.filter_jit(one_trial)(engine, KEY, INDEX)
-    assert estimates.ok.all()
     draws = engines_draws(engine_of(experiment, "samples"))
     rate = experiment.trajectories["T1"].rate
     expected = [reference.estimate(truth, rate, experiment.sources, draws, case.sources) for case in engine.cases]
-    np.testing.assert_allclose(estimates.inertia[0], expected, atol=1e-11 * experiment.inertia.max())
+    np.testing.assert_allclose(estimates[0], expected, atol=1e-11 * experiment.inertia.max())
     assert np.ptp(expected, axis=0).min() > 1e-6  # the cases differ
 
 

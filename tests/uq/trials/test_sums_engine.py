@@ -149,6 +149,18 @@ def test_without_errors_the_truth_comes_out(brief):
     np.testing.assert_allclose(on_sums, by_samples, atol=1e-12 * brief.inertia.max())
 
 
+@pytest.mark.parametrize("kind", ["scale", "misalignment"])
+def test_one_map_of_the_gyro_alone_gives_the_trials_by_samples(kind):
+    """Without noise both engines draw the same: each trial's estimate is one number."""
+    unit = {"scale": "%", "misalignment": "deg"}[kind]
+    e = experiment(source("map", "omega", kind, sigma=[f"0.2 {unit}"] * 3))
+    on_sums, by_samples = (
+        montecarlo(e, trials=3, estimators="central", plan=plan).errors["T"] for plan in (SamplingPlan(), BY_SAMPLES)
+    )
+    assert np.ptp(on_sums, axis=0).max() > 1e-4
+    np.testing.assert_allclose(on_sums, by_samples, atol=1e-12)
+
+
 MANY = Experiment.load(Path(__file__).parents[3] / "docs" / "experiments" / "many-errors.toml")
 
 

@@ -10,11 +10,10 @@ def numbers(problem, key, indices):
     return indices
 
 
-def test_each_trial_is_done_once_whatever_was_begun():
-    """What is begun for a campaign of 1,000 trials is a longer segment than that of one which may stop at 30."""
-    for begun in (1000, 30):
+def test_each_trial_is_done_once_whatever_is_asked_for():
+    """A segment of a campaign of 1,000 trials is longer than that of one which may stop at 30."""
+    for asked in (1000, None):
         loop = TrialLoop(numbers, (), 0, devices=jax.devices()[:1], segment=100)
-        loop.begin(begun)
         for trials in (30, 60, 250):
-            loop.reach(trials)
+            loop.reach(trials, asked=asked)
             np.testing.assert_array_equal(loop.results(trials), np.arange(trials))
