@@ -78,11 +78,13 @@ class ImuChannel(RecordedChannel):
         angular_velocity: [rad/s], shape (n, 3).
         linear_acceleration: what the accelerometer reads (specific force) [m/s²], shape (n, 3).
         sequence: the message counter, shape (n,), or None.
+        orientation: quaternion x y z w from the sensor's frame to one at rest, shape (n, 4), as recorded; None: none.
     """
 
     angular_velocity: NDArray[np.float64]
     linear_acceleration: NDArray[np.float64]
     sequence: NDArray[np.uint32] | None = None
+    orientation: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -55,6 +55,12 @@ class MotionSignals:
         """Measured moment about Q [N·m]."""
         return self.model.rows.moment[:, self.model.used].T
 
+    @property
+    def zero_axes(self) -> Float[np.ndarray, "n 3 3"] | None:
+        """Rotations from B to the axes along which the load cell's zero is constant; None: B's."""
+        axes = self.model.rows.zero_axes
+        return None if axes is None else axes[self.model.used]
+
     @cached_property
     def turn(self) -> Float[np.ndarray, "3 3"]:
         """Rotation from the IMU's axes to B."""

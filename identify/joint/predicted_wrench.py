@@ -63,7 +63,7 @@ class PredictedWrench:
         """Specific force at the centre of gravity [m/s²]."""
         s, x = self.signals, self.x
         if self.force_from == "none":
-            return (s.force - x["force_offset"] - np.outer(s.progress, x["force_drift"])) / x["mass"]
+            return (s.force - self._zero("force")) / x["mass"]
         return np.asarray(self.at_known_point + s.levers @ self.arm)
 
     @cached_property
@@ -94,11 +94,15 @@ class PredictedWrench:
         The load cell's matrix acts on what is predicted: on what is measured it would scale the noise, too, which a fit
         then makes small.
         """
-        s, x = self.signals, self.x
-        measured = np.hstack([s.force, s.moment])
-        offset = np.concatenate([x["force_offset"], x["moment_offset"]])
-        drift = np.outer(s.progress, np.concatenate([x["force_drift"], x["moment_drift"]]))
-        return np.asarray(measured - offset - drift - self.wrench @ self.cell.T)
+        measured = np.hstack([self.signals.force, self.signals.moment])
+        zeros = np.hstack([self._zero("force"), self._zero("moment")])
+        return np.asarray(measured - zeros - self.wrench @ self.cell.T)
+
+    def _zero(self, quantity: str) -> Float[np.ndarray, "n 3"]:
+        """The load cell's zero of force or moment and its drift, along B."""
+        along = self.x[f"{quantity}_offset"] + np.outer(self.signals.progress, self.x[f"{quantity}_drift"])
+        axes = self.signals.zero_axes
+        return along if axes is None else np.asarray(np.einsum("nji,nj->ni", axes, along))
 
     @property
     def cell(self) -> Float[np.ndarray, "6 6"]:
@@ -142,7 +146,8 @@ class PredictedWrench:
         if name in ("force_offset", "moment_offset", "force_drift", "moment_drift"):
             rows = np.zeros((len(self.signals.t), 6, 3))
             first = 0 if name.startswith("force") else 3
-            rows[:, first : first + 3] = np.eye(3)
+            axes = self.signals.zero_axes
+            rows[:, first : first + 3] = np.eye(3) if axes is None else axes.swapaxes(1, 2)
             return rows if name.endswith("offset") else self.signals.progress[:, None, None] * rows
         if name == "cell_matrix":
             return np.einsum("ij,nk->nijk", np.eye(6), self.wrench).reshape(-1, 6, 36)

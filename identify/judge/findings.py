@@ -143,6 +143,11 @@ class Finding(Enum):
         _all(-100.0, "%"),
         "calibrate it",
     )
+    CLOCKS_APART = (
+        "clock", "by the log's times the stamps of the motion are {offset} s {early} against the wrench's{doubt}",
+        _none,
+        'two computers? set time = "log" in [recording]{lines}',
+    )  # fmt: skip
     CLOCK = "clock", "the IMU's clock ran off by {} over the run", _all(1e3, "ms"), "check the stamps"
     FILTER = "filter", "{}", _lateness, "give both sensors the same filter, or declare the delay" + ESTIMATED
     NONLINEARITY = "nonlinearity", "the load cell were not linear", _none, "use its calibration, or load it less"
@@ -190,8 +195,8 @@ class Finding(Enum):
         'set moment_unit = "{unit}" in [recording]',
     )  # fmt: skip
     WRENCH_REVERSED = (
-        "sign", "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor",
-        _none, 'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
+        "sign", "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor"
+        "{doubt}", _none, 'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)',
     )  # fmt: skip
     ACCELEROMETER_AXES = (
         "axes", "gravity turns as the gyro says only if the accelerometer's axes are the gyro's ({axes})", _none,
@@ -220,6 +225,39 @@ class Finding(Enum):
     TURNED_A_LITTLE = (
         "turned", "only a turn of the IMU's axes into the load cell's by {turn} fits both, or its stamps are late",
         _none, "set {lines} in [recording], or correct the clock",
+    )  # fmt: skip
+    ACCELEROMETER_REVERSED = (
+        "sign", "the accelerometer reads downwards at rest: gravity and the motion fit the wrench only with its other "
+        "sign{doubt}", _none, 'set accelerometer_at_rest = "down" in [recording] ("up" where it says so already)',
+    )  # fmt: skip
+    WRENCH_AT_REST = (
+        "frame", "force and moment are along axes at rest: they fit weight and motion only when the attitude turns "
+        "them into the body's axes{doubt}", _none, "{lines}",
+    )  # fmt: skip
+    WRENCH_TURNS = (
+        "frame", "force and moment are along axes that turn with the body, not along those at rest{doubt}", _none,
+        'set wrench_frame = "sensor" in [recording]',
+    )  # fmt: skip
+    ZERO_AT_REST = (
+        "frame", "the zero of the force, about ({zero}) N, is constant along the axes at rest, not along the sensor's",
+        _none, 'set zero_frame = "base" in [recording]',
+    )  # fmt: skip
+    GRAVITY_ELSEWHERE = (
+        "gravity", "the weight points {angle} deg away from the declared gravity, seen from the axes at rest{doubt}",
+        _none, "base upside down, on a wall, or leaning? set urdf_gravity = [{gravity}] in [recording]",
+    )  # fmt: skip
+    WEIGHT_OF_ANOTHER_PAYLOAD = (
+        "weight", "the force has the weight of {weighs} kg, but the inertia of {mass} kg{doubt}", _none,
+        'weight of {removed} kg removed by the driver? set compensated = "gravity" in [recording], with payload_mass '
+        "and payload_r_cg_from_q where that payload is not the body",
+    )  # fmt: skip
+    POSES_UPSIDE_DOWN = (
+        "gravity", "the weight of the poses points up: the wrench has the other sign, or gravity is upside down, which "
+        "forces at rest do not tell apart", _none,
+        'set wrench = "on_sensor" ("on_body" where it says so already), or urdf_gravity = [{gravity}], in [recording]',
+    )  # fmt: skip
+    ATTITUDE_READ_OTHERWISE = (
+        "attitude", "the forces fit the attitudes only {how}{doubt}", _none, "{lines}",
     )  # fmt: skip
     WEIGHT_MISSING = "weight", "the force is the weight of {mass} kg, far less than that of {body}", _none, "{lines}"
     WEIGHT_PARTLY_MISSING = (

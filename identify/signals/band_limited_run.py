@@ -51,6 +51,8 @@ class InBand:
     """Samples from row to row."""
     band: float
     """Highest frequency of the motion [Hz]."""
+    zero_axes: Float[np.ndarray, "n 3 3"] | None = None
+    """Rotations from B to the axes along which the load cell's zero is constant; None: B's."""
 
     @property
     def interval(self) -> float:
@@ -97,11 +99,14 @@ def in_band(run: Run, band: float, *, reach: float, accelerometer: bool = False)
     first, step = margin * fine, fine / run.rate
     wrench = _decimated(np.hstack([run.force, run.moment])[first:], taps, fine * stride)[:rows]
     motion = np.hstack([run.omega, run.specific_force]) if accelerometer else run.omega  # type: ignore[list-item]
+    axes = None
+    if run.zero_at_rest and run.attitude is not None:
+        axes = _decimated(run.attitude.reshape(-1, 9)[first:], taps, fine * stride)[:rows].reshape(-1, 3, 3)
     usable = _usable(run, len(taps))[first :: fine * stride][:rows]
     return InBand(
         t=step * np.arange(margin, margin + rows * stride, stride), force=wrench[:, :3].T, moment=wrench[:, 3:].T,
         used=usable, motion=uniform_spline(_decimated(motion, taps, fine), step, degree=DEGREE).pieces,
-        step=float(step), stride=stride, first=margin, factor=fine * stride, band=float(band),
+        step=float(step), stride=stride, first=margin, factor=fine * stride, band=float(band), zero_axes=axes,
     )  # fmt: skip
 
 

@@ -26,13 +26,15 @@ def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Segment]) -> Float[np.nda
     """Return the unit vector that points up, in B, at every instant of a run.
 
     Args:
-        run: the whole run; level at its first instant where it has no accelerometer.
+        run: the whole run; level at its first instant where it has neither attitude nor accelerometer.
         r_cg: centre of gravity from Q, in B [m].
         rests: segments of rest, for the gyro's bias where there is no accelerometer.
 
     Raises:
         RunError: neither accelerometer nor rest.
     """
+    if run.attitude is not None and run.gravity is not None:
+        return -np.einsum("nji,j->ni", run.attitude, run.gravity / np.linalg.norm(run.gravity))
     if run.specific_force is not None:
         return _by_accelerometer(run, run.specific_force, r_cg)
     if not rests:
@@ -52,7 +54,8 @@ def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray,
     """
     if not np.abs(run.force).max() > 0:
         return np.zeros_like(run.force)
-    return upward(replace(run, specific_force=run.force, imu_position=np.asarray(r_cg, float)), r_cg, ())
+    as_imu = replace(run, specific_force=run.force, imu_position=np.asarray(r_cg, float), attitude=None)
+    return upward(as_imu, r_cg, ())
 
 
 def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarray:

@@ -83,6 +83,12 @@ class Run:
     """Specific force that the accelerometer measures, in B [m/s²]; None: there is no accelerometer."""
     imu_position: Float[np.ndarray, "3"] | None = None
     """Position of the accelerometer from Q, in B [m]; None: not known, taken as Q."""
+    attitude: Float[np.ndarray, "n 3 3"] | None = None
+    """Rotations from components in B to those along axes at rest; None: nothing tells them."""
+    gravity: Float[np.ndarray, "3"] | None = None
+    """Gravity along these axes, as declared [m/s²]; None: it is not."""
+    zero_at_rest: bool = False
+    """Whether the load cell's zero is constant along the axes at rest instead of along B's."""
     rest: Rest | None = None
     """Readings of the load cell while the body rests; None: not asked for."""
     noise: ShapedNoise | None = None
@@ -91,6 +97,8 @@ class Run:
     """Name of the mounting of the body that the run was made with; None: not declared."""
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """Particulars in the recording on its day and its instruments."""
+    stamps_early: float = 0.0
+    """Time by which the stamps of the motion are early against those of the wrench, by the log's times [s]."""
     sensor_rates: tuple[float, float] | None = None
     """Rates of wrench and angular velocity before they were brought together [Hz]; None: the run's own."""
 
@@ -218,7 +226,7 @@ class Run:
             raise RunError(
                 f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
             )
-        names = ("t", "force", "moment", "omega", "specific_force", "missing")
+        names = ("t", "force", "moment", "omega", "specific_force", "attitude", "missing")
         signals = {name: getattr(self, name)[keep] for name in names if getattr(self, name) is not None}
         return replace(self, **signals, segments=((start, stop),))
 

@@ -39,7 +39,7 @@ SHAPES: dict[str, tuple[Field, ...]] = {
     WRENCH: (Field("wrench.force", column="force"), Field("wrench.torque", column="moment")),
     BARE_WRENCH: (Field("force", column="force"), Field("torque", column="moment")),
     IMU: (
-        Field("orientation", count=4),
+        Field("orientation", count=4, column=_ORIENTATION),
         Field("orientation_covariance", count=9),
         Field("angular_velocity", column="angular_velocity"),
         Field("angular_velocity_covariance", count=9),

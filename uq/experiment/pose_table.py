@@ -1,21 +1,40 @@
 """The table ``[poses]`` of an experiment file: where static poses stand in a table, and what tells their attitude."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 
 from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate
 from identify.static.pose_fit import Attitudes
-from rig.toml_tables import WrongKeyError
+from rig.exceptions import quoted
+from rig.toml_tables import WrongKeyError, written
 from uq.files.csv_columns import ColumnsTable, QuaternionColumns
 from uq.files.document import ExperimentError
 from uq.files.schema import Axes, in_unit
 from uq.sources.correlations import root_of
 
-ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion")
+ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion", "rotation_vector", "euler")
+ROTATIONS = ATTITUDES[2:]
+"""Ways to tell the attitude that need its direction, ``takes``."""
+ANGLES = ROTATIONS[2:]
+"""Ways to tell the attitude that need the angles' unit."""
+CONVENTIONS = {"rpy": "xyz", "fanuc": "xyz", "kuka": "ZYX", "staubli": "XYZ", "kawasaki": "ZYZ"}
+"""Axes of the three turns by the names of robots: small letters stand for axes at rest, capitals for axes that turn."""
+
+
+def _euler_axes(_: str, raw: Any) -> str:
+    axes = CONVENTIONS.get(raw, raw) if isinstance(raw, str) else ""
+    if not re.fullmatch(r"[xyz]{3}|[XYZ]{3}", axes) or axes[0] == axes[1] or axes[1] == axes[2]:
+        raise ValueError(
+            f"is {quoted(raw)}: write one of {', '.join(CONVENTIONS)}, or three axes in the order of the turns, "
+            'such as "xyz" (about axes at rest) or "ZYX" (about axes that turn)'
+        )
+    return axes
 
 
 class Poses(ColumnsTable, frozen=True, kw_only=True):
@@ -34,8 +53,19 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     """The columns of a rotation matrix, row by row, an alternative to ``gravity``."""
     quaternion: QuaternionColumns | None = None
     """The columns of a unit quaternion, an alternative to ``gravity``."""
+    rotation_vector: Axes[str] | None = None
+    """The columns of a rotation vector (axis times angle), an alternative to ``gravity``."""
+    euler: Axes[str] | None = None
+    """The columns of three angles in the order of ``euler_convention``, an alternative to ``gravity``."""
+    euler_convention: (
+        Annotated[str, written(_euler_axes, {"type": "string", "examples": [*CONVENTIONS, "xyz", "ZYX"]})] | None
+    ) = None
+    """Order and kind of the turns: a robot's name, or three axes, small where they rest, capitals where they turn."""
+    angle_unit: Literal["rad", "deg"] | None = None
+    """Unit of rotation vector or angles."""
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
-    """Direction of a matrix or quaternion: from sensor to level components, or back; the level frame's z is up."""
+    """Direction of the rotation: from sensor to level components, or back; the level frame's z is up, unless
+    ``recording.urdf_gravity`` says otherwise."""
     rate: Annotated[float, in_unit("Hz", above=0)] | None = None
     """Rate of the rows of a table of samples, each of whose still segments is a pose [Hz]; missing: each row is one."""
     accelerometer: Literal["offset", "scale"] | None = None
@@ -59,8 +89,12 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
             raise WrongKeyError("", "names no columns of force and moment: add both")
         if named and not attitudes:
             raise WrongKeyError("", f"tells no attitude: name the columns of one of {', '.join(ATTITUDES)}")
-        if self.attitude in ("matrix", "quaternion") and self.takes is None:
+        if self.attitude in ROTATIONS and self.takes is None:
             raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
+        if self.attitude in ANGLES and self.angle_unit is None:
+            raise WrongKeyError("angle_unit", 'write "rad" or "deg"')
+        if self.attitude == "euler" and self.euler_convention is None:
+            raise WrongKeyError("euler_convention", f"write one of {', '.join(CONVENTIONS)}, or three axes")
 
     @property
     def attitude(self) -> str | None:
@@ -69,7 +103,10 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what is declared, the signals' columns together."""
-        keys = ("takes", "rate", "accelerometer", "sigma_attitude", "sigma_alignment", "sigma_accelerometer")
+        keys = (
+            "takes", "rate", "euler_convention", "angle_unit", "accelerometer", "sigma_attitude", "sigma_alignment",
+            "sigma_accelerometer",
+        )  # fmt: skip
         return {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
 
 
@@ -94,34 +131,47 @@ def uncertain(specific_force: np.ndarray, poses: Poses, sensor: Accelerometer | 
     return Attitudes(poses.sigma_attitude, np.concatenate(columns, axis=2) if columns else None, lasting)
 
 
-def up(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
-    """Return the upward direction of each pose in the frame of the sensor that tells the attitude, (n, 3).
+def rotations(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
+    """Return the rotation of each pose from components in the attitude's sensor to level ones, (n, 3, 3).
 
     Args:
         values: the attitude's columns as they stand in the table.
-        poses: what they mean; not an accelerometer's.
+        poses: what they mean: one of ``ROTATIONS``.
         name: what messages call the table.
 
     Raises:
-        RunError: a row that is no rotation, no unit quaternion, or no direction.
+        RunError: a row that is no rotation, or no unit quaternion.
     """
-    directions = []
-    for row, value in enumerate(values, start=1):
+    turns = np.empty((len(values), 3, 3))
+    for row, value in enumerate(values):
         try:
-            directions.append(_upward(value, poses))
+            turns[row] = _rotation(value, poses)
         except ValueError as error:
-            raise RunError(f"{poses.attitude} of pose {row} in {name} {error}") from None
-    return np.array(directions)
+            raise RunError(f"{poses.attitude} of pose {row + 1} in {name} {error}") from None
+    return turns if poses.takes == "sensor_to_level" else turns.swapaxes(1, 2)
 
 
-def _upward(value: np.ndarray, poses: Poses) -> np.ndarray:
-    if poses.attitude == "gravity":
-        length = np.linalg.norm(value)
-        if not length > 0:
-            raise ValueError("is zero: write the vector of gravity")
-        return np.asarray(-value / length)
-    rotation = nearest_rotation(value.reshape(3, 3)) if poses.attitude == "matrix" else from_quaternion(*value)
-    return rotation[:, 2] if poses.takes == "level_to_sensor" else rotation[2]
+def _rotation(value: np.ndarray, poses: Poses) -> np.ndarray:
+    if poses.attitude == "matrix":
+        return nearest_rotation(value.reshape(3, 3))
+    if poses.attitude == "quaternion":
+        return from_quaternion(*value)
+    turn, degrees = scipy.spatial.transform.Rotation, poses.angle_unit == "deg"
+    if poses.attitude == "rotation_vector":
+        return np.asarray(turn.from_rotvec(value, degrees=degrees).as_matrix())
+    return np.asarray(turn.from_euler(str(poses.euler_convention), value, degrees=degrees).as_matrix())
+
+
+def upward(values: np.ndarray, name: str) -> np.ndarray:
+    """Return the direction opposite to each pose's vector of gravity, (n, 3).
+
+    Raises:
+        RunError: a vector is zero.
+    """
+    length = np.linalg.norm(values, axis=1, keepdims=True)
+    if not length.all():
+        raise RunError(f"gravity of pose {int(np.argmin(length)) + 1} in {name} is zero: write the vector of gravity")
+    return np.asarray(-values / length)
 
 
 def of_accelerometer(

@@ -16,6 +16,7 @@ from identify.choices import CgMotion
 from identify.joint.alignment_prior import Alignment
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
+from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.files.rotation_key import ROTATION
 from uq.files.schema import Axes, in_unit, matrix, vector
 from uq.files.units import scale
@@ -101,6 +102,13 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Topic of force and moment; missing: the only one of its type."""
     motion_topic: str | None = None
     """Topic of the angular velocity; missing: the only one of its type."""
+    wrench_frame: Literal["sensor", "base", "world"] | None = None
+    """Axes of the recorded wrench: those that turn with the body, or those at rest to which the attitude refers: the
+    root of ``urdf``, or the reference frame of poses and quaternions. ``base`` and ``world`` mean the same."""
+    zero_frame: Literal["sensor", "base"] | None = None
+    """Axes along which the load cell's zero is constant: the sensor's, or, of method ``joint``, those at rest."""
+    accelerometer_at_rest: Literal["up", "down"] | None = None
+    """Direction of the accelerometer's reading at rest: up (specific force), or down (its negative)."""
     imu_position: Point | None = None
     """Position of the accelerometer from Q, in B [m]."""
     offsets: Literal["estimate", "still", "none"] = "estimate"
@@ -108,7 +116,11 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     zero: Literal["empty", "loaded"] | None = None
     """State in which the load cell was zeroed: without the body (``empty``) or with it (``loaded``)."""
     compensated: Literal["none", "gravity", "gravity_from_force"] | None = None
-    """Compensation of the body's weight by the driver: none, from force and moment, or from the force alone."""
+    """Compensation of a weight by the driver: none, from force and moment, or from the force alone."""
+    payload_mass: Annotated[float, in_unit("kg", least=0)] | None = None
+    """Mass whose weight the driver removed [kg]; missing: the body's."""
+    payload_r_cg_from_q: Point | None = None
+    """Centre of gravity of that mass from Q, in B [m]; missing: the body's."""
     time: Literal["header", "log"] | None = None
     """Time of the measurement: that of the message's header, or that of the log."""
     estimator: str | None = None
@@ -118,7 +130,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     urdf_frame: str | None = None
     """The frame of the description that turns with the body."""
     urdf_gravity: Annotated[np.ndarray, vector("m/s^2")] | None = None
-    """Gravity along the axes of the description's base, downwards; with it joint states tell the specific force."""
+    """Gravity along the axes at rest to which the attitude refers, downwards: those of the description's base, with
+    which joint states tell the specific force; or of the reference frame of poses, quaternions and a table's attitudes,
+    where it is missing downwards along z."""
     drawn_by_mounting: Annotated[
         tuple[str, ...], written(_names, {"type": "array", "items": {"type": "string", "minLength": 1}})
     ] = ()
@@ -150,8 +164,31 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
         for key in ("delay", "sigma_delay"):
             if abs(getattr(self, key) or 0.0) > LONGEST_DELAY:
                 raise WrongKeyError(key, "repair the clocks first")
+        if (self.payload_mass is None) != (self.payload_r_cg_from_q is None):
+            raise WrongKeyError("payload_mass", "state both payload_mass and payload_r_cg_from_q, or neither")
+        if self.payload_mass is not None and not self.removes_weight:
+            raise WrongKeyError("payload_mass", 'set compensated = "gravity", or leave it out')
+        if self.zero_frame == "base" and not (self.turns_back and self.method == "joint"):
+            raise WrongKeyError("zero_frame", 'set wrench_frame = "base" and method = "joint", or leave it out')
+        if self.zero_frame == "base" and self.wrench_point is not None and self.wrench_point.any():
+            raise WrongKeyError("zero_frame", "take Q at wrench_point, or leave it out")
         if np.max(self.sigma_rotation or 0.0) > WIDEST_ANGLE:
             raise WrongKeyError("sigma_rotation", "declare imu_rotation_to_body, then at most 30 deg")
+
+    @property
+    def removes_weight(self) -> bool:
+        """Whether a driver removed a weight from the wrench."""
+        return self.compensated in ("gravity", "gravity_from_force")
+
+    @property
+    def gravity_of_poses(self) -> np.ndarray:
+        """Gravity along the axes at rest to which poses, or a table's attitudes, refer [m/s²]."""
+        return np.array([0.0, 0.0, -STANDARD_GRAVITY]) if self.urdf_gravity is None else self.urdf_gravity
+
+    @property
+    def turns_back(self) -> bool:
+        """Whether the wrench was recorded along axes at rest."""
+        return self.wrench_frame in ("base", "world")
 
     @property
     def alignment(self) -> Alignment:

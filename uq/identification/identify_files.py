@@ -104,10 +104,16 @@ def identify_files(
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
         return _estimated(runs, experiment, spec, prior, method, validate)
 
-    result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment, prior)
+    def suspicions(aligned: bool) -> list[str]:
+        return [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
+
+    try:
+        result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment, prior)
+    except RunError as error:
+        raise RunError("; ".join([str(error), *suspicions(False)])) from None
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
-    suspicious = [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
+    suspicious = suspicions(aligned)
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
@@ -213,8 +219,7 @@ def _prepared(
     assumed = (*recorded.assumptions, *_weight_assumption(recording))
     if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")
-    weighed = recording.compensated in ("gravity", "gravity_from_force")
-    if not weighed and recording.offsets == "estimate":
+    if not recording.removes_weight and recording.offsets == "estimate":
         return chosen, assumed
     rests = _near(recorded.run, chosen)
     begin = min([float(chosen.t[0]), *(rest.start for rest in rests)])

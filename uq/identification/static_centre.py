@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identify.judge.conventions.pose_findings import pose_findings
 from identify.judge.conventions.rotation_findings import axes_text
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError
@@ -19,10 +20,12 @@ from identify.static.creep import creeping
 from identify.static.pose_fit import Attitudes
 from identify.static.sampled_rows import sampled, turning
 from uq.experiment.experiment import Experiment
-from uq.experiment.pose_table import Poses, need_table, of_accelerometer, uncertain, up
+from uq.experiment.pose_table import ROTATIONS, Poses, need_table, of_accelerometer, rotations, uncertain, upward
+from uq.experiment.recording_table import RecordingTable
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
+from uq.identification.pose_readings import pose_readings
 from uq.identification.undeclared_centre import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
@@ -53,6 +56,8 @@ class _Wrenches:
     """Names of the poses in messages: ``pose 7``, and when it was held."""
     sensed: bool
     """Whether an accelerometer tells the attitude."""
+    findings: tuple[str, ...] = ()
+    """Contradictions of the declared attitudes by the forces, each with its cure."""
 
 
 def centre_file(
@@ -75,7 +80,7 @@ def centre_file(
         RigError, OSError: the file cannot be read.
     """
     name = Path(path).name
-    if experiment.recording.compensated in ("gravity", "gravity_from_force"):
+    if experiment.recording.removes_weight:
         raise RunError(
             f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
             "tells mass and centre: record without the compensation"
@@ -84,7 +89,10 @@ def centre_file(
     wrenches = _without(of_file(path, experiment, windows), without, name)
     signals = wrenches.force, wrenches.moment, wrenches.specific_force
     estimate = partial(centre, *signals, mass=experiment.scale, name=name, used=wrenches.used, labels=wrenches.labels)
-    plain = estimate(attitudes=wrenches.attitudes)
+    try:
+        plain = estimate(attitudes=wrenches.attitudes)
+    except RunError as error:
+        raise RunError("; ".join([str(error), *wrenches.findings])) from None
     push = plain.mass * wrenches.specific_force
     errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
     attitudes = replace(wrenches.attitudes, wrench=errors)
@@ -101,7 +109,7 @@ def centre_file(
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig)
         if wrenches.rig.cell_axes
         else None,
-        warnings=(*_turned(wrenches, experiment.poses), *wrenches.warnings, *result.warnings),
+        warnings=(*(wrenches.findings or _turned(wrenches, experiment.poses)), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
     )
@@ -150,14 +158,30 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     bag = as_recording(path, force, moment, nothing, attitude if sensed else nothing)
     unused = {"angular_velocity"} if sensed else {"angular_velocity", "acceleration"}
     rig = declared(bag, silenced(experiment.recording, unused))
-    force, moment = rig.wrench(bag.wrench)
-    readings = rig.scales["acceleration"] * attitude if sensed else up(attitude, poses, name)
+    to_rest = rotations(attitude, poses, name) if poses.attitude in ROTATIONS else None
+    if to_rest is None and experiment.recording.turns_back:
+        raise RunError(
+            f"recording.wrench_frame is {experiment.recording.wrench_frame}, and {poses.attitude} of {name} does not "
+            f"turn its wrench back: name the columns of one of {', '.join(ROTATIONS)} in [poses]"
+        )
+    of_body = None if to_rest is None else to_rest @ rig.imu_rotation.T
+    force, moment = rig.wrench(bag.wrench, of_body if experiment.recording.turns_back else None)
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    if sensed:
+        readings = rig.scales["acceleration"] * attitude
+    elif to_rest is None:
+        readings = upward(attitude, name)
+    else:
+        gravity = experiment.recording.gravity_of_poses
+        readings = -np.einsum("nji,j->ni", to_rest, gravity / np.linalg.norm(gravity))
+        notes = (_upwards(experiment.recording),)
     if poses.rate is not None:
-        t = np.arange(len(force)) / poses.rate
+        t, in_body = np.arange(len(force)) / poses.rate, readings @ rig.imu_rotation.T
         run = Run(t, force, moment, turning(readings, poses.rate), name=name, sha256=bag.sha256)
-        if sensed:
-            run = replace(run, specific_force=readings @ rig.imu_rotation.T)
-        return _held(Recorded(run, (), (), rig, attitude=None if sensed else (t, readings)), experiment, windows)
+        run = replace(run, specific_force=in_body if sensed else None)
+        held = _held(Recorded(run, (), (), rig), experiment, windows, None if sensed else in_body)
+        return replace(held, notes=(*held.notes, *notes))
     if windows:
         raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
     if sampled(readings):
@@ -165,8 +189,11 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
             f"the attitude moves on from row to row of {name}: its rows are samples of a motion, no poses. Write how "
             'many there are a second in [poses], such as rate = "125 Hz": then each still segment is a pose'
         )
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    if to_rest is not None:
+        along = rig.wrench(bag.wrench)[0]
+        judged = pose_findings(along, pose_readings(attitude, experiment, rig.imu_rotation, name), name)
+        findings = tuple(f"suspicious {finding.topic}: {finding.text}" for finding in judged)
     sensor, specific_force = None, experiment.gravity * readings
     if sensed:
         specific_force, sensor, warnings, notes = _leaning(readings, poses, experiment.gravity)
@@ -175,6 +202,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         force=force, moment=moment, specific_force=turned, rig=rig, sha256=bag.sha256, warnings=warnings, notes=notes,
         attitudes=uncertain(turned, poses, sensor, rig.imu_rotation), used=np.ones(len(force), bool),
         labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), sensed=sensed,
+        findings=findings,
     )  # fmt: skip
 
 
@@ -191,18 +219,22 @@ def _leaning(
 def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
     marked = any(isinstance(limit, str) for window in windows for limit in window)
     recorded = load(path, experiment.recording, band=SLOW, marks=marked)
-    if recorded.run.specific_force is None and recorded.attitude is None:
+    run = recorded.run
+    if run.specific_force is not None:
+        return _held(recorded, experiment, windows)
+    if run.attitude is None or run.gravity is None:
         raise RunError(
-            f"neither acceleration nor poses in {recorded.run.name}: static poses need an accelerometer, a topic of "
-            "the platform's pose, or a table with their attitude"
+            f"neither acceleration nor poses in {run.name}: static poses need an accelerometer, a topic of the "
+            "platform's pose, or a table with their attitude"
         )
-    wrenches = _held(recorded, experiment, windows)
-    upward = () if recorded.run.specific_force is not None else ("the z axis of the recorded poses' frame points up",)
-    return replace(wrenches, notes=(*wrenches.notes, *upward))
+    held = _held(recorded, experiment, windows, -np.einsum("nji,j->ni", run.attitude, run.gravity))
+    return replace(held, notes=(*held.notes, _upwards(experiment.recording)))
 
 
-def _held(recorded: Recorded, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
-    """The poses that samples hold, each still segment one."""
+def _held(
+    recorded: Recorded, experiment: Experiment, windows: Sequence[TimeWindow], up: np.ndarray | None = None
+) -> _Wrenches:
+    """The poses that samples hold, each still segment one; ``up`` tells their attitude where no accelerometer does."""
     run = recorded.run
     wanted = resolve(windows, float(run.t[-1]), recorded.marks, run.name) if windows else ((0.0, float(run.t[-1])),)
     rests = resting(run, wanted)
@@ -214,7 +246,7 @@ def _held(recorded: Recorded, experiment: Experiment, windows: Sequence[TimeWind
             f"{used.sum()} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
         )
     means = np.array([wrench[rest].mean(axis=0) for rest in rests])
-    specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment)
+    specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment, up)
     seconds = sum(len(rest) for rest, counts in zip(rests, used, strict=True) if counts) / run.rate
     held = f"{used.sum()} still segments are its poses, {seconds:.1f} s in all"
     return _Wrenches(
@@ -231,25 +263,23 @@ def _labels(run: Run, rests: Sequence[np.ndarray]) -> tuple[str, ...]:
 
 
 def _lean_of(
-    recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment
+    recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment, up: np.ndarray | None
 ) -> tuple[np.ndarray, Accelerometer | None, tuple[str, ...], tuple[str, ...]]:
-    """Specific force of each pose in B, by the accelerometer or else by the recorded poses; see :func:`_leaning`."""
+    """Specific force of each pose in B, by what points up, or by the accelerometer: see :func:`_leaning`."""
+    if up is not None:
+        means = np.array([up[rest].mean(axis=0) for rest in rests])
+        return experiment.gravity * means / np.linalg.norm(means, axis=1, keepdims=True), None, (), ()
     run, turn, poses = recorded.run, recorded.rig.imu_rotation, experiment.poses or Poses()
-    if run.specific_force is not None:
-        means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
-        sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
-        return sensed @ turn.T, sensor, warnings, notes
-    assert recorded.attitude is not None  # noqa: S101 - the callers have seen it
-    t, directions = recorded.attitude
-    upward = []
-    for rest in rests:
-        inside = (t >= run.t[rest[0]]) & (t <= run.t[rest[-1]])
-        if not inside.any():
-            raise RunError(f"no attitude in {run.name} between {run.t[rest[0]]:.2f} and {run.t[rest[-1]]:.2f} s")
-        upward.append(directions[inside].mean(axis=0))
-    up = np.array(upward)
-    specific_force = experiment.gravity * up / np.linalg.norm(up, axis=1, keepdims=True)
-    return specific_force @ turn.T, None, (), ()
+    assert run.specific_force is not None  # noqa: S101 - the callers have seen it
+    means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
+    sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
+    return sensed @ turn.T, sensor, warnings, notes
+
+
+def _upwards(recording: RecordingTable) -> str:
+    if recording.urdf_gravity is not None:
+        return "gravity along the axes of the attitudes' frame is as urdf_gravity says"
+    return "the z axis of the frame to which the attitudes refer points up"
 
 
 def _steady(run: Run, rests: list[np.ndarray]) -> tuple[np.ndarray, list[str]]:

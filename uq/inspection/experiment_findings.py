@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.imu_findings import imu_findings
 from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
 from identify.signals.run import Run
@@ -27,28 +29,52 @@ def experiment_findings(
         turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``. A
             turn within a declared misalignment is none anyway.
     """
-    if run.specific_force is None:
-        return []
     usable = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
     time = run.t[usable]
     if len(time) < 10:
         return []
-    imu = ImuSignal(time, run.omega[usable], run.specific_force[usable])
+    specific = np.zeros_like(run.omega) if run.specific_force is None else run.specific_force
+    recording = experiment.recording
+    delay = recording.delay or 0.0 if recording.method == "joint" else 0.0
+    imu = ImuSignal(time - delay, run.omega[usable], specific[usable])
+    wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
+    if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name):
+        return [TopicFinding(*contradiction) for contradiction in clocks]
+    attitude = _attitude(run, experiment, usable)
+    rig = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
+    if run.specific_force is None:
+        told = attitude is not None and attitude.gravity is not None
+        alone = run_gravity(wrench, imu, attitude, rig.weight, run.name).findings if told else []
+        return [TopicFinding(*contradiction) for contradiction in alone]
     from_imu = [TopicFinding(*contradiction) for contradiction in imu_findings(imu, run.name)]
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu
-    wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
-    declared = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
-    together = wrench_findings(wrench, imu, declared, wrench_topic=run.name, imu_topic=run.name)
+    together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     return [*from_imu, *(TopicFinding(*contradiction) for contradiction in together)]
+
+
+def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal | None:
+    """Return the attitudes that were recorded, and what is declared of them; None: there are none."""
+    if run.attitude is None:
+        return None
+    recording = experiment.recording
+    source: Source = "quaternion" if run.gravity is None else "poses" if run.specific_force is None else "joints"
+    return AttitudeSignal(
+        to_rest=run.attitude[usable], gravity=run.gravity, source=source,
+        turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest,
+        wrench_rotation=recording.wrench_rotation_to_body,
+    )  # fmt: skip
 
 
 def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:
     """Return the experiment's declarations on the body and on the recording."""
     recording = experiment.recording
-    removed = recording.compensated in ("gravity", "gravity_from_force") and not undone
+    removed = recording.removes_weight and not undone
+    payload = experiment.mass if recording.payload_mass is None else recording.payload_mass
     return DeclaredRig(
         mass=experiment.mass,
+        measured=run.gravity is None,
+        removed=(payload or 0.0) if recording.removes_weight else 0.0,
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=np.asarray(experiment.sigma_r_cg),
         imu_position=run.imu_position,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
 from identify.judge.conventions.imu_findings import imu_findings
 from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
@@ -73,13 +74,22 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
-        together = wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+        together = clock_findings(*signals, _stamps_early(wrench, imu), imu.topic) or wrench_findings(
+            *signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic
+        )
         findings += [TopicFinding(*contradiction) for contradiction in together]
     return findings
 
 
 def _imu_signal(imu: ImuChannel, origin: int) -> ImuSignal:
     return ImuSignal(_seconds(imu, origin), imu.angular_velocity, imu.linear_acceleration)
+
+
+def _stamps_early(wrench: WrenchChannel, imu: ImuChannel) -> float:
+    if not (wrench.stamp.any() and imu.stamp.any()):
+        return 0.0
+    delays = [float(np.median(channel.log_time - channel.stamp)) for channel in (wrench, imu)]
+    return (delays[1] - delays[0]) * 1e-9
 
 
 def _seconds(channel: SensorChannel, origin: int) -> np.ndarray:

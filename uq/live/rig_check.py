@@ -28,7 +28,7 @@ def topics_of(rig: Rig, experiment: Experiment, path: Path) -> tuple[str, str]:
         RunError: what the rig records contradicts the experiment's ``[recording]``.
     """
     recording = experiment.recording
-    if recording.compensated in ("gravity", "gravity_from_force"):
+    if recording.removes_weight:
         raise ExperimentError(
             f"recording.compensated is {recording.compensated}, and the weight can be put back only when the run is "
             "over: record without --identify"

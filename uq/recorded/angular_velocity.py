@@ -5,7 +5,7 @@ Joints tell the specific force, too, where gravity in their base is declared.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from rig import channels
 from rig.channels import ImuChannel, MotionChannel
 from rig.mcap.message_fields import JOINTS, POSE, TWIST
 from uq.experiment.recording_table import RecordingTable
+from uq.recorded.attitude import RecordedAttitude, recorded_attitude
 from uq.recorded.joint_states import Chain
 
 AT_REST = ("map", "odom", "world", "earth")
@@ -38,6 +39,10 @@ class RecordedMotion:
     notes: tuple[str, ...] = ()
     """Assumptions of the result about the angular velocity."""
     warnings: tuple[str, ...] = ()
+    attitude: RecordedAttitude | None = None
+    """The sensor's attitude; None: the channel does not tell it."""
+    gravity: np.ndarray | None = None
+    """Gravity along the axes at rest to which the attitude refers [m/s²]; None: it is not declared."""
 
 
 class Differentiated(NamedTuple):
@@ -69,6 +74,17 @@ def motion(
         RigError: the optional package for URDF is missing.
     """
     source = bag.motion
+    turning, attitude = _turning(bag, declared, instants, band), recorded_attitude(source, instants)
+    if attitude is None:
+        return turning
+    posed = isinstance(source, MotionChannel)  # the quaternion of an IMU may refer to axes of its own
+    return replace(turning, attitude=attitude, gravity=declared.gravity_of_poses if posed else None)
+
+
+def _turning(
+    bag: channels.Recording, declared: RecordingTable, instants: np.ndarray, band: float | None
+) -> RecordedMotion:
+    source = bag.motion
     if isinstance(source, ImuChannel):
         return RecordedMotion(source)
     name = f"{source.topic} in {bag.path.name}"
@@ -91,18 +107,6 @@ def motion(
         return from_poses
     warning = f"the twist of {name} is zero throughout: its poses were differentiated instead"
     return RecordedMotion(from_poses.imu, from_poses.noise, from_poses.notes, (warning,))
-
-
-def upward(source: ImuChannel | MotionChannel) -> np.ndarray | None:
-    """Return the upward direction that recorded poses tell, in the frame of their sensor, (n, 3); None: there are none.
-
-    A pose takes components in the sensor's frame to those in its reference frame, whose z is up (REP 103).
-    """
-    if isinstance(source, ImuChannel) or source.orientation is None:
-        return None
-    x, y, z, w = source.orientation.T
-    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
-    return up / np.linalg.norm(up, axis=1, keepdims=True)
 
 
 def _of_pose(
@@ -145,6 +149,7 @@ def _of_joints(
     position, unwrapped = chain.unwrapped(position)
     if velocity.shape[1]:
         chain.check_velocities((instants - instants[0]) / NANOSECONDS, position, velocity, name)
+    attitude = RecordedAttitude.of(instants, chain.attitude(position))
     notes: tuple[str, ...] = (
         f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",
         *chain.notes,
@@ -157,7 +162,8 @@ def _of_joints(
         notes = (*notes, UNJUDGED)
     if velocity.shape[1]:
         white = (f"the noise of the velocities in {source.topic} is white",)
-        return RecordedMotion(_channel(source, chain.angular_velocity(position, velocity)), notes=(*notes, *white))
+        omega = chain.angular_velocity(position, velocity)
+        return RecordedMotion(_channel(source, omega), notes=(*notes, *white), attitude=attitude)
 
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         taps = differentiator(uniform, rate, name, band=band)
@@ -174,9 +180,7 @@ def _of_joints(
     if gravity is not None:
         size = float(np.linalg.norm(gravity))
         notes = (*notes, f"the specific force is that of the joints' positions, with gravity of {size:.6g} m/s²")
-    return RecordedMotion(
-        differentiated.imu, differentiated.noise, (*notes, *differentiated.notes), differentiated.warnings
-    )
+    return replace(differentiated, notes=(*notes, *differentiated.notes), attitude=attitude, gravity=gravity)
 
 
 def _complete(

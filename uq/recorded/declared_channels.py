@@ -39,11 +39,19 @@ class DeclaredConventions:
     cell_axes: bool = True
     """Whether the wrench is recorded in the load cell's own axes; not in those of the body, as a run of ours is."""
 
-    def wrench(self, channel: WrenchChannel) -> tuple[np.ndarray, np.ndarray]:
-        """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, point."""
+    def wrench(self, channel: WrenchChannel, attitude: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, attitude, point.
+
+        Args:
+            channel: of the load cell.
+            attitude: rotation of each sample from B to the axes at rest along which the wrench was recorded, (n, 3, 3);
+                None: its axes turn with the body.
+        """
         raw = np.hstack([channel.force, channel.moment]) @ self.calibration.T
         force = self.sign * self.scales["force"] * raw[:, :3] @ self.wrench_rotation.T
         moment = self.sign * self.scales["moment"] * raw[:, 3:] @ self.wrench_rotation.T
+        if attitude is not None:
+            force, moment = (np.einsum("nji,nj->ni", attitude, values) for values in (force, moment))
         return force, moment_about(moment, force, self.wrench_point)
 
     def motion(self, channel: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
@@ -62,6 +70,7 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     _check_wrench(bag, recording, metadata)
     assumed: list[str] = []
     scales = _scales(metadata, recording, assumed)
+    scales["acceleration"] *= -1.0 if recording.accelerometer_at_rest == "down" else 1.0
     meaning = metadata.one_of("wrench", recording.wrench, metadata.wrench)
     if meaning is None:
         assumed.append("the wrench is that on the body")
@@ -91,15 +100,17 @@ AT_REST = ("map", "odom", "world", "earth", "base")
 def _check_wrench(bag: channels.Recording, recording: RecordingTable, metadata: "_Metadata") -> None:
     """Refuse a wrench along axes that rest, and one whose weight a robot has removed without a word of it."""
     frame = bag.wrench.frame_id.lstrip("/")
-    if frame in AT_REST:
+    if frame in AT_REST and recording.wrench_frame is None:
         raise RunError(
             f"the wrench of {metadata.name} is along the axes of {quoted(frame)}, which do not turn with the body: "
-            "record it in the sensor's frame"
+            'set wrench_frame = "base" in [recording] where joints, poses or a quaternion tell its attitude, or record '
+            "it in the sensor's frame"
         )
-    if metadata.compensated == "gravity" and recording.compensated in (None, "none"):
+    if metadata.compensated == "gravity" and not recording.removes_weight:
         raise RunError(
             f"{metadata.name} says that the robot removed the weight of its payload: set compensated = "
-            '"gravity" in [recording] if that payload is the body, or record with compensated = "none"'
+            '"gravity" in [recording], with payload_mass and payload_r_cg_from_q where that payload is not the body, '
+            'or record with compensated = "none"'
         )
 
 

@@ -29,15 +29,17 @@ def undo(run: Run, rests: Sequence[Segment], experiment: Experiment) -> tuple[Ru
         RunError: mass is not stated, or nothing tells the attitude.
     """
     recording, r_cg = experiment.recording, experiment.stated_r_cg
-    if recording.compensated in ("gravity", "gravity_from_force"):
-        mass = _mass(run, experiment, f"compensated is {recording.compensated}")
+    if recording.removes_weight:
+        mass, removed_at = recording.payload_mass, recording.payload_r_cg_from_q
+        if mass is None or removed_at is None:
+            mass, removed_at = _mass(run, experiment, f"compensated is {recording.compensated}"), r_cg
         weight = mass * experiment.gravity * upward(run, r_cg, rests)
-        how = "the gyro, level at first" if run.specific_force is None else "the accelerometer"
-        assumption = (
-            f"the driver removed the declared mass at the declared r_CG, and gravity's direction is that of {how}"
-        )
-        weighed = _with(run, weight, r_cg, also_moment=recording.compensated == "gravity")
-        if run.specific_force is None and recording.compensated == "gravity_from_force":
+        level = run.specific_force is None and run.gravity is None
+        how = "the gyro, level at first" if level else "the accelerometer" if run.gravity is None else "the attitude"
+        what = "the declared mass at the declared r_CG" if recording.payload_mass is None else "the declared payload"
+        assumption = f"the driver removed {what}, and gravity's direction is that of {how}"
+        weighed = _with(run, weight, removed_at, also_moment=recording.compensated == "gravity")
+        if level and recording.compensated == "gravity_from_force":
             _check_level(weighed, rests, experiment)
         return weighed, (assumption,)
     if recording.zero == "loaded" and recording.offsets == "none":

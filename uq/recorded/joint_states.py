@@ -174,6 +174,16 @@ class Chain:
             readings[k] = pinocchio.getFrameClassicalAcceleration(*frame_arguments).linear - turn.T @ gravity
         return readings
 
+    def attitude(self, position: np.ndarray) -> np.ndarray:
+        """Return the rotations from the frame's axes to the base's, (n, 3, 3), at recorded positions (n, k)."""
+        import pinocchio
+
+        turns = np.empty((len(position), 3, 3))
+        for k in range(len(position)):
+            pinocchio.forwardKinematics(self.model, self.data, self._configuration(position[k]))
+            turns[k] = pinocchio.updateFramePlacement(self.model, self.data, self.frame).rotation
+        return turns
+
     def spread(self, position: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the frame's angular noise on each axis, root mean square, of the joints' own noise (k,)."""
         joint_sigma = sigma[[k for _, k in self.joints]]

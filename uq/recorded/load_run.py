@@ -13,10 +13,10 @@ from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
-from uq.recorded.angular_velocity import motion, upward
+from uq.recorded.angular_velocity import motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.instrument_metadata import about
-from uq.recorded.message_times import in_order, instants
+from uq.recorded.message_times import check_overlap, in_order, instants, stamps_early
 from uq.recorded.time_window import on_clock
 
 
@@ -31,8 +31,6 @@ class Recorded:
     """Assumptions about what neither the experiment nor the run's metadata states."""
     rig: DeclaredConventions
     """Conventions by which the channels became force, moment and motion in B."""
-    attitude: tuple[np.ndarray, np.ndarray] | None = None
-    """Instants [s] and upward direction in the sensor's frame (n, 3), where poses were recorded."""
 
 
 def load_run(path: str | Path, recording: RecordingTable | None = None) -> Run:
@@ -87,21 +85,34 @@ def of_channels(
         RigError, RunError: see :func:`load_run`.
     """
     bag, reordered = in_order(bag, recording.time)
-    times, time_notes = instants((bag.wrench, bag.motion), recording.time)
+    pair = bag.wrench, bag.motion
+    times, time_notes = instants(pair, recording.time)
+    check_overlap(pair, times, bag.path.name)
+    early = stamps_early(pair) if times[0] is bag.wrench.stamp else 0.0
     source = motion(bag, recording, times[1], band=band)
-    posed = (times[1], upward(bag.motion))
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
     rig = declared(bag, recording)
     start = min(int(times[0][0]), int(times[1][0])) if start is None else start
     seconds = [(stamp - start) * 1e-9 for stamp in times]
-    common = _Channels(bag, rig, seconds, extra)
+    attitude = None if source.attitude is None else source.attitude.of_body(rig.imu_rotation)
+    if attitude is None and recording.turns_back:
+        raise RunError(
+            f"recording.wrench_frame is {recording.wrench_frame}, and nothing in {bag.path.name} tells the attitude "
+            "that turns its wrench back: record joint states, poses or a quaternion, or the wrench in the sensor's axes"
+        )
+    turning = attitude.at(times[0]) if attitude is not None and recording.turns_back else None
+    common = _Channels(bag, rig, seconds, extra, turning)
     _check_rates(common, band)
     run = common.run()
     return Recorded(
         run=replace(
             run,
+            attitude=None if attitude is None else attitude.at(start + np.round(run.t * 1e9).astype(np.int64)),
+            gravity=source.gravity,
+            stamps_early=early,
+            zero_at_rest=recording.zero_frame == "base",
             warnings=(*run.warnings, *source.warnings, *time_notes),
             noise=None if source.noise is None else source.noise.turned(rig.imu_rotation),
             about=about(bag.metadata, bag.wrench.log_time),
@@ -109,7 +120,6 @@ def of_channels(
         marks=tuple(on_clock(extra.marks, bag.wrench.log_time, times[0], start)),
         assumptions=(*rig.assumptions, *source.notes, *reordered),
         rig=rig,
-        attitude=None if posed[1] is None else ((posed[0] - start) * 1e-9, posed[1]),
     )
 
 
@@ -117,7 +127,12 @@ class _Channels:
     """Load cell and motion sensor in the body frame, without the samples that they did not really take."""
 
     def __init__(
-        self, bag: channels.Recording, rig: DeclaredConventions, seconds: list[np.ndarray], extra: Notes
+        self,
+        bag: channels.Recording,
+        rig: DeclaredConventions,
+        seconds: list[np.ndarray],
+        extra: Notes,
+        turning: np.ndarray | None,
     ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
@@ -127,7 +142,7 @@ class _Channels:
         if (raw[0] == raw[0][0]).all():
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
         with np.errstate(invalid="ignore"):  # what is not finite is refused with its sample
-            self.wrench = np.hstack(rig.wrench(wrench))
+            self.wrench = np.hstack(rig.wrench(wrench, turning))
             self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(

@@ -1,5 +1,6 @@
 """The time of a message that is that of its measurement, and the treatment of times that jitter by arrival."""
 
+import datetime
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.record import device_clock
 
 Channel = WrenchChannel | ImuChannel | MotionChannel
+CALENDAR = 10**18
+"""Nanoseconds since 1970 from which an instant is a date: that of September 2001."""
 AHEAD = 0.5
 """Seconds over which the usual delay tells whether messages were lost or only late."""
 LATE = 0.1
@@ -60,6 +63,45 @@ def instants(
         notes = [f"{' and '.join(notes)}: took the log's times for both sensors"]
     fitted = [_fitted(channel) for channel in channels]
     return (fitted[0][0], fitted[1][0]), (*notes, *(text for _, texts in fitted for text in texts))
+
+
+def stamps_early(channels: tuple[Channel, Channel]) -> float:
+    """Return the time by which the second channel's stamps are early against the first's, by the log's times [s].
+
+    The log has one clock: the usual time from stamp to log is alike, unless the stamps are of two clocks.
+    """
+    wrench, motion = (np.median(channel.log_time - channel.stamp) for channel in channels)
+    return float(motion - wrench) * 1e-9
+
+
+def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np.ndarray], name: str) -> None:
+    """Refuse channels whose times have nothing in common, with both ranges and what cures it.
+
+    Raises:
+        RunError: so it is.
+    """
+    if min(map(len, times)) == 0 or _overlap(*times):
+        return
+    kind = "stamps" if times[0] is channels[0].stamp else "log times"
+    ranges = [
+        f"the {kind} of {channel.topic} run from {_readable(t[0])} to {_readable(t[-1])}"
+        for channel, t in zip(channels, times, strict=True)
+    ]
+    logged = kind == "stamps" and _overlap(channels[0].log_time, channels[1].log_time)
+    cure = 'set time = "log" in [recording]' if logged else "record both at the same time"
+    raise RunError(f"no overlap in {name}: {', '.join(ranges)}: {cure}")
+
+
+def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
+    return bool(max(first.min(), second.min()) < min(first.max(), second.max()))
+
+
+def _readable(time: int) -> str:
+    """An instant [ns]: a date, or seconds where the clock began at its computer's start."""
+    if time < CALENDAR:
+        return f"{time * 1e-9:.3f} s"
+    date = datetime.datetime.fromtimestamp(time // 10**9, datetime.UTC)
+    return f"{date:%Y-%m-%d %H:%M:%S}.{time % 10**9 // 10**6:03d} UTC"
 
 
 def _increases(stamp: np.ndarray) -> bool:

@@ -28,6 +28,11 @@ STEP = 0.05
 
 Numerical: one standard deviation of the filter, which nothing passes that varies faster.
 """
+WINDOW = 2 * np.sqrt(np.pi) * SMOOTHING
+"""Time between instants that are independent behind the filter [s].
+
+Definition: of a Gaussian filter, its equivalent width for the variance.
+"""
 LEAST_SECONDS = 3.0
 """Seconds below which there is too little to judge.
 
@@ -149,14 +154,10 @@ def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | No
 
 def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omega: np.ndarray) -> ConventionSums:
     """The sums of signals on one grid; where the features have alpha stands omega, filtered by the filter's slope."""
-    half = round(4 * SMOOTHING / step)
-    time = np.arange(-half, half + 1) * step
-    bell = np.exp(-0.5 * (time / SMOOTHING) ** 2)
-    bell /= bell.sum()
-    slope = -time * bell / (bell @ time**2)
+    bell, slope, every = _filter(step)
+    half = len(bell) // 2
     motion = regressor.features(omega.T, omega.T)
     columns = [*wrenches.T, *specific.T, *carried_gravity(step, omega, specific).T, *motion]
-    every = max(1, round(STEP / step))
     rows = np.stack(
         [
             sliding_window_view(column, len(bell))[::every] @ (slope if k in range(WIDTH)[ALPHA] else bell)[::-1]
@@ -167,8 +168,22 @@ def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omeg
     smooth = np.stack([np.convolve(column, bell, mode="valid") for column in wrenches.T], axis=1)
     rough = wrenches[half : len(wrenches) - half] - smooth
     noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
-    width = 2 * np.sqrt(np.pi) * SMOOTHING
-    return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / width, noise, step / width)
+    return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / WINDOW, noise, step / WINDOW)
+
+
+def smoothed(step: float, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
+    """Return uniform samples through the filter of the sums, at instants ``STEP`` apart."""
+    bell, _, every = _filter(step)
+    return np.stack([sliding_window_view(column, len(bell))[::every] @ bell for column in values.T], axis=1)
+
+
+def _filter(step: float) -> tuple[np.ndarray, np.ndarray, int]:
+    """The filter, its derivative, and the samples between the instants that are kept."""
+    half = round(4 * SMOOTHING / step)
+    time = np.arange(-half, half + 1) * step
+    bell = np.exp(-0.5 * (time / SMOOTHING) ** 2)
+    bell /= bell.sum()
+    return bell, -time * bell / (bell @ time**2), max(1, round(STEP / step))
 
 
 def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np.ndarray, "m k"]:
@@ -207,6 +222,25 @@ def carried_gravity(
     gravity = np.einsum("nji,nj->ni", attitude, _forgetting_mean(there, step / RECALL, start))
     size = float(np.median(np.linalg.norm(specific, axis=1)))
     return np.asarray(size * gravity / np.maximum(np.linalg.norm(gravity, axis=1, keepdims=True), 1e-12))
+
+
+def carried_attitude(
+    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3 3"]:
+    """Rotations from B to axes at rest whose z is up, the yaw by the gyro alone.
+
+    The upward direction along the axes at the start is the specific force's mean over ``RECALL`` about each instant.
+    """
+    turns = np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])
+    attitude = cumulative_product(exponentials(turns))
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", attitude, specific), axis=0)])
+    n, half = len(omega), round(RECALL / step / 2)
+    first, last = np.clip(np.arange(n) - half, 0, n), np.clip(np.arange(n) + half + 1, 0, n)
+    up = (total[last] - total[first]) / (last - first)[:, None]
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(up.mean(axis=0))))], up)
+    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+    return np.stack([x, np.cross(up, x), up], axis=1) @ attitude
 
 
 def _forgetting_mean(values: np.ndarray, share: float, start: np.ndarray) -> Float[np.ndarray, "n 3"]:

@@ -10,10 +10,12 @@ from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
+from identify.judge.conventions.convention_sums import FORCE, GRAVITY, MOMENT, SPECIFIC, ConventionSums
 from identify.rigid_body.rotation import exponential, exponentials
 
-COSTS = {"reversed": 4.0, "turned": 8.0, "turned and reversed": 12.0, "left-handed IMU": 14.0}
+COSTS = {
+    "reversed": 4.0, "accelerometer reversed": 6.0, "turned": 8.0, "turned and reversed": 12.0, "left-handed IMU": 14.0,
+}  # fmt: skip
 """Chi-square that a hypothesis must gain before it counts as equally good.
 
 Choice: the order alone counts, the likelier mistake first; all are far below ``DECISIVE``.
@@ -28,10 +30,13 @@ class Hypothesis:
     matrix: Float[np.ndarray, "3 3"]
     cost: float
     """Penalty added to chi-square, so that the simplest of equally good hypotheses wins."""
+    accelerometer: float = 1.0
+    """Sign of the accelerometer: -1 where it reads downwards at rest."""
 
     def applied(self, sums: ConventionSums) -> ConventionSums:
         """The sums as they would be."""
-        return sums.turned(**{self.sensor: self.matrix})
+        turned = sums.turned(**{self.sensor: self.matrix})
+        return turned if self.accelerometer > 0 else turned.scaled(slice(SPECIFIC.start, GRAVITY.stop), -1.0)
 
 
 def signed_axes() -> list[Float[np.ndarray, "3 3"]]:
@@ -137,11 +142,23 @@ Chance: a likelihood of exp(6), one in 400.
 """
 
 
-def best_axes(sums: ConventionSums, given: Scales) -> list[Hypothesis]:
-    """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted."""
-    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in hypotheses()])
+@functools.cache
+def with_accelerometer_reversed() -> tuple[Hypothesis, ...]:
+    """Return the hypotheses, each with the accelerometer as it is and with its other sign."""
+    more = COSTS["accelerometer reversed"]
+    other = [replace(hypothesis, cost=hypothesis.cost + more, accelerometer=-1.0) for hypothesis in hypotheses()]
+    return (*hypotheses(), *other)
+
+
+def best_axes(sums: ConventionSums, given: Scales, *, measured: bool = True) -> list[Hypothesis]:
+    """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted.
+
+    ``measured``: whether the specific force is an accelerometer's, whose sign may be the other one.
+    """
+    candidates = with_accelerometer_reversed() if measured else hypotheses()
+    tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates])
     fits = chi_square(tried, given).tolist()
-    scored = [(fit + hypothesis.cost, hypothesis) for fit, hypothesis in zip(fits, hypotheses(), strict=True)]
+    scored = [(fit + hypothesis.cost, hypothesis) for fit, hypothesis in zip(fits, candidates, strict=True)]
     best = min(score for score, _ in scored)
     if scored[0][0] - best < DECISIVE:
         return [scored[0][1]]

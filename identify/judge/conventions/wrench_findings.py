@@ -33,6 +33,7 @@ from identify.judge.conventions.conventions import (
     scales,
 )
 from identify.judge.conventions.free_rotation import FreeRotation
+from identify.judge.conventions.gravity_findings import AttitudeSignal, DeclaredWeight, run_gravity
 from identify.judge.conventions.imu_conventions import in_free_fall, wrong_units
 from identify.judge.conventions.imu_findings import STANDARD_GRAVITY
 from identify.judge.conventions.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
@@ -119,11 +120,13 @@ Matrix = Float[np.ndarray, "3 3"]
 class DeclaredRig:
     """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
 
-    ``weighed``: whether the body's weight should be in the force, which it is not where the zero was taken with it.
+    ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
+    which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
     ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
     """
 
     mass: float | None = None
+    removed: float = 0.0
     r_cg: Vector | None = None
     sigma_r_cg: Vector | None = None
     imu_position: Vector | None = None
@@ -132,20 +135,42 @@ class DeclaredRig:
     imu_rotation: Matrix | None = None
     weighed: bool = True
     turn: Vector | None = None
+    measured: bool = True
+
+    @property
+    def weight(self) -> DeclaredWeight:
+        """Declarations on the weight."""
+        return DeclaredWeight(self.mass, self.removed, self.weighed)
 
 
 def wrench_findings(
-    wrench: WrenchSignal, imu: ImuSignal, declared: DeclaredRig, *, wrench_topic: str, imu_topic: str
+    wrench: WrenchSignal,
+    imu: ImuSignal,
+    declared: DeclaredRig,
+    *,
+    wrench_topic: str,
+    imu_topic: str,
+    attitude: AttitudeSignal | None = None,
 ) -> list[Contradiction]:
-    """Judge a run's wrench on the body and motion together, both in the body frame and SI as far as declared."""
+    """Judge a run's wrench on the body and motion together, both in the body frame and SI as far as declared.
+
+    ``attitude``: at the IMU's instants; None: that of its gyro.
+    """
     if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
         return []
-    sums = convention_sums(wrench, _in_si(imu))
+    imu = _in_si(imu)
+    sums = convention_sums(wrench, imu)
     if sums is None or sums.size(SPECIFIC) < LEAST_GRAVITY or in_free_fall(imu):
         return []
     if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []
-    return list(_Examination(sums, declared, wrench_topic, imu_topic).findings())
+    verdict = run_gravity(wrench, imu, attitude, declared.weight, wrench_topic)
+    if verdict.final:
+        return verdict.findings
+    if verdict.gravity is not None and attitude is not None and attitude.gravity is not None:
+        change = np.einsum("nji,j->ni", attitude.to_rest, attitude.gravity - verdict.gravity)
+        sums = convention_sums(wrench, imu._replace(specific_force=imu.specific_force + change)) or sums
+    return [*verdict.findings, *_Examination(sums, declared, wrench_topic, imu_topic).findings()]
 
 
 def _in_si(imu: ImuSignal) -> ImuSignal:
@@ -154,6 +179,13 @@ def _in_si(imu: ImuSignal) -> ImuSignal:
         angular_velocity=imu.angular_velocity * (np.pi / 180 if "deg/s" in wrong else 1.0),
         specific_force=imu.specific_force * (STANDARD_GRAVITY if "g" in wrong else 1.0),
     )
+
+
+SIGN_DOUBT = "; the other sign of the accelerometer, or of force and moment, fits as well: this motion does not tell"
+
+
+def _reversed(fit: Hypothesis) -> bool:
+    return fit.sensor == "wrench" and abs(float(np.trace(fit.matrix))) == 3
 
 
 class _Examination:
@@ -173,7 +205,7 @@ class _Examination:
             given = rotation.given
         force, moment = explains(self.sums, FORCE, given.force), explains(self.sums, MOMENT, given.moment)
         if rotation is None and (force or moment):
-            yield from self._axes(best_axes(self.sums, given))
+            yield from self._axes(best_axes(self.sums, given, measured=self.declared.measured))
         if not self.declared.weighed or not (force and moment):
             return
         if weight.missing:
@@ -192,13 +224,16 @@ class _Examination:
 
     def _axes(self, fits: list[Hypothesis]) -> Iterator[Contradiction]:
         best = fits[0]
+        before, self.sums = self.sums, best.applied(self.sums)
+        doubt = SIGN_DOUBT * any(_reversed(fit) and fit.accelerometer != best.accelerometer for fit in fits[1:])
+        if best.accelerometer < 0:
+            yield Finding.ACCELEROMETER_REVERSED.on(self.imu, doubt=doubt)
         if np.array_equal(best.matrix, np.eye(3)):
             return
-        before, self.sums = self.sums, best.applied(self.sums)
         if best.sensor == "imu":
             yield Finding.IMU_MIRRORED.on(self.imu, axes=axes_text(best.matrix)[1:-1])
         elif np.array_equal(best.matrix, -np.eye(3)):
-            yield Finding.WRENCH_REVERSED.on(self.wrench)
+            yield Finding.WRENCH_REVERSED.on(self.wrench, doubt=doubt)
         elif np.linalg.det(best.matrix) < 0:
             axes = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
             yield Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes)

@@ -1,0 +1,155 @@
+"""Direction of the weight by forces and attitudes, gravity free along the axes at rest: least squares.
+
+With specific force f, attitude R from B to axes at rest, a lever's part L b and the load cell's zero,
+
+    F = m f + Rᵀ p + L b + F0
+
+p is zero where all is as declared. Weight that a driver removed, gravity along other axes than declared and one that is
+upside down are each a vector p of their own; a wrench along axes at rest fits only when R turns it back, an attitude
+that was written the other way only when it is inverted. So one fit for each reading of the recording tells them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+EXPLAINED = 0.15
+"""Part of the force's changes that the best fit may leave, root mean square, for anything to be named.
+
+Choice: hands on the body are not judged; the same as ``rotation_findings.NOT_RIGID``.
+"""
+LEAST_MISFIT = 0.01
+"""Part of the force's changes that every fit leaves at least.
+
+Choice: no sensor is believed to be better than 1 %.
+"""
+YAWS = 24
+"""Turns about the vertical that are tried where the axes at rest are not those of the wrench.
+
+Numerical: 15° apart, within reach of the minimum between two of them.
+"""
+
+REFINED = 3
+"""Searches of that kind, each over an eighth of the one before.
+
+Numerical: to a quarter of a degree.
+"""
+
+Rotations = Float[np.ndarray, "n 3 3"]
+Smooth = Callable[[np.ndarray], np.ndarray]
+"""Filter over the samples, first, of some columns."""
+
+
+def unchanged(values: np.ndarray) -> np.ndarray:
+    """Return the samples as they are: of static poses."""
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class GravityFit:
+    """The unknowns of one reading, and what it leaves."""
+
+    values: Float[np.ndarray, " p"]
+    """Mass m [kg], p [N], then lever and zero; m is zero where no specific force is given."""
+    covariance: Float[np.ndarray, "p p"]
+    misfit: float
+    """Mean square of what is left of the force, per component [N²]."""
+
+    @property
+    def mass(self) -> float:
+        """Mass by the specific force [kg]."""
+        return float(self.values[0])
+
+    @property
+    def sigma_mass(self) -> float:
+        """Standard uncertainty of the mass [kg]; infinite where no specific force tells it."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def lift(self) -> Float[np.ndarray, "3"]:
+        """The vector p [N]."""
+        return self.values[1:4]
+
+    @property
+    def zero(self) -> Float[np.ndarray, "3"]:
+        """The zero F0 [N]."""
+        return self.values[-3:]
+
+
+@dataclass(frozen=True, eq=False)
+class PosedForce:
+    """Forces with attitudes, n samples, all in B and SI."""
+
+    force: Float[np.ndarray, "n 3"]
+    to_rest: Rotations
+    """Rotations R from B to axes at rest."""
+    specific: Float[np.ndarray, "n 3"] | None = None
+    """Specific force [m/s²]; None: not known, or of poses at rest, where R tells it."""
+    levers: Float[np.ndarray, "n 3 3"] | None = None
+    """Specific force of a lever's unit vectors [1/s²]; None: at rest."""
+    smooth: Smooth = unchanged
+    independent: float = 1.0
+    """Part of the smoothed samples that are independent."""
+
+    def turned_back(self, yaw: float = 0.0) -> "PosedForce":
+        """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
+        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        return replace(self, force=np.einsum("nji,nj->ni", self.to_rest, self.force @ turn.T))
+
+    def turned_to_rest(self) -> "PosedForce":
+        """The force along axes at rest, as it was recorded where it was turned back by mistake."""
+        return replace(self, force=np.einsum("nij,nj->ni", self.to_rest, self.force))
+
+    @cached_property
+    def _answer(self) -> np.ndarray:
+        return self.smooth(self.force)
+
+    @property
+    def changes(self) -> float:
+        """Variance of the smoothed force, per component [N²]."""
+        return float(self._answer.var(axis=0).mean())
+
+    @property
+    def independent_values(self) -> float:
+        """Number of independent components of force."""
+        return self.independent * self._answer.size
+
+    def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:
+        """Fit the force.
+
+        Args:
+            lift: whether p is free, otherwise zero.
+            zero: whether the load cell's zero F0 is free.
+            turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
+        """
+        n, unit = len(self.force), np.eye(3)
+        specific = np.zeros((n, 3)) if self.specific is None else self.specific
+        blocks = [specific[:, :, None], self.to_rest.swapaxes(1, 2) * float(lift)]
+        if self.levers is not None:
+            blocks.append(self.levers)
+        if turned:
+            blocks.append(np.einsum("ij,nk->nijk", unit, specific).reshape(n, 3, 9))
+        blocks.append(np.broadcast_to(unit * float(zero), (n, 3, 3)))
+        columns = np.concatenate(blocks, axis=2)
+        rows = self.smooth(columns.reshape(n, -1)).reshape(-1, columns.shape[2])
+        answer = self._answer.reshape(-1)
+        values, *_ = np.linalg.lstsq(rows, answer, rcond=1e-9)
+        misfit = float(np.mean((answer - rows @ values) ** 2))
+        free = max(1 - np.linalg.matrix_rank(rows) / self.independent_values, 0.1)
+        variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
+        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+        if self.specific is None:
+            covariance[0, 0] = np.inf
+        return GravityFit(values, covariance, misfit)
+
+    def best_yaw(self) -> float:
+        """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""
+        best, width = 0.0, np.pi
+        for _ in range(REFINED):
+            yaws = best + np.linspace(-width, width, YAWS, endpoint=False)
+            best = float(yaws[int(np.argmin([self.turned_back(yaw).fit().misfit for yaw in yaws]))])
+            width *= 3 / YAWS
+        return float((best + np.pi) % (2 * np.pi) - np.pi)

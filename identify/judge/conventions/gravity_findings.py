@@ -1,0 +1,305 @@
+"""Findings on attitude, gravity and the axes of the wrench, by the weight alone: see :mod:`.free_gravity`.
+
+Each reading of the recording is one fit. What fits as well as the best is told beside it.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions.convention_sums import (
+    SMOOTHING,
+    STEP,
+    WINDOW,
+    ImuSignal,
+    WrenchSignal,
+    carried_attitude,
+    smoothed,
+)
+from identify.judge.conventions.conventions import COSTS, DECISIVE, EQUAL
+from identify.judge.conventions.free_gravity import EXPLAINED, LEAST_MISFIT, GravityFit, PosedForce, Rotations
+from identify.judge.conventions.removed_weight import LEAST_WEIGHT
+from identify.judge.conventions.rotation_findings import COVERAGE, axes_text
+from identify.judge.findings import Contradiction, Finding
+from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
+from identify.rigid_body.rotation import exponential
+from identify.rounding import fixed, with_uncertainty
+
+LEAST_ANGLE = np.radians(3.0)
+"""Angle between the weight and the declared gravity from which another gravity is named.
+
+Choice: a smaller lean is the estimate's own warning.
+"""
+LEAST_SHARE = 0.1
+"""Part of the mass that the weight must lack or have too much to be named.
+
+Choice: gain and mass together are better.
+"""
+CERTAIN = 6.0
+"""Standard deviations from which an angle or a part of the weight is certain.
+
+Chance: 2e-9 of a normal distribution.
+"""
+MASS_OVER_SIGMA = 8.0
+"""Mass by the specific force, in standard deviations, from which it is believed.
+
+Choice: the part that is missing is then good to an eighth.
+"""
+LEAST_YAW = np.radians(3.0)
+"""Turn about the vertical from which the axes of the wrench are not those of the attitude.
+
+Choice: bases are set up to a degree or two.
+"""
+AXIS = np.radians(0.3)
+"""Angle within which, beside its uncertainty, gravity lies along an axis.
+
+Choice: a plumb line is no better.
+"""
+
+Vector = Float[np.ndarray, "3"]
+Reading = Literal["plain", "gravity", "sensor", "frame"]
+Source = Literal["joints", "poses", "quaternion", "gyro"]
+READINGS = {
+    "gravity": "gravity along other axes at rest",
+    "sensor": "a turn of the load cell's axes against the body's",
+    "frame": "a wrench along axes at rest",
+}
+"""Words for the readings, where one is a rival of another."""
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeSignal:
+    """The attitude of the body at n instants, and what is declared of it."""
+
+    to_rest: Rotations
+    """Rotations from B to axes at rest."""
+    gravity: Vector | None
+    """Gravity along these axes, as declared [m/s²]; None: by the accelerometer."""
+    source: Source
+    turned_back: bool = False
+    """Whether the wrench was declared along axes at rest, and turned back already."""
+    zero_at_rest: bool = False
+    """Whether the load cell's zero was declared constant along the axes at rest."""
+    wrench_rotation: Float[np.ndarray, "3 3"] | None = None
+    """Declared rotation of the recorded wrench before the attitude turns it back; None: none."""
+
+
+@dataclass(frozen=True)
+class DeclaredWeight:
+    """Declarations on the weight in the force."""
+
+    mass: float | None = None
+    """Mass of the body [kg]; None: not declared."""
+    removed: float = 0.0
+    """Mass whose weight the driver removed [kg]."""
+    put_back: bool = False
+    """Whether that weight was put back already."""
+
+
+@dataclass(frozen=True, eq=False)
+class GravityVerdict:
+    """Findings by the weight, and how the signals are to be read after them."""
+
+    findings: list[Contradiction] = field(default_factory=list)
+    reading: Reading = "plain"
+    yaw: float = 0.0
+    """Turn about the vertical from the attitude's axes at rest to those of the wrench [rad]."""
+    gravity: Vector | None = None
+    """Gravity along the axes at rest as the weight shows it [m/s²]; None: as declared."""
+    final: bool = False
+    """Whether nothing else can be judged before this is cured."""
+
+
+def gravity_verdict(posed: PosedForce, attitude: AttitudeSignal, weight: DeclaredWeight, topic: str) -> GravityVerdict:
+    """Judge the force of a run by its attitudes.
+
+    Args:
+        posed: force, specific force and attitudes of the run as declared.
+        attitude: what is declared of the attitudes.
+        weight: what is declared of the weight in the force.
+        topic: of the load cell.
+    """
+    return _Judgement(posed, attitude, weight, topic).verdict()
+
+
+LONGEST = 300.0
+"""Seconds of a run that are judged.
+
+Choice: memory; more tell nothing new of the axes.
+"""
+
+
+def run_gravity(
+    wrench: WrenchSignal, imu: ImuSignal, attitude: AttitudeSignal | None, weight: DeclaredWeight, topic: str
+) -> GravityVerdict:
+    """Judge the force of a recorded run; without an attitude by that of gyro and accelerometer.
+
+    Both signals in B and SI, the attitude at the IMU's instants.
+    """
+    step = float(np.median(np.diff(imu.time)))
+    within = slice(0, int(LONGEST / step))
+    time, omega, specific = imu.time[within], imu.angular_velocity[within], imu.specific_force[within]
+    if not np.isfinite(np.hstack([omega, specific])).all() or not 0 < step <= SMOOTHING:
+        return GravityVerdict()
+    if attitude is None:
+        up = np.array([0.0, 0.0, -float(np.median(np.linalg.norm(specific, axis=1)))])
+        attitude = AttitudeSignal(carried_attitude(step, omega, specific), up, "gyro")
+    levers = np.einsum("kn,kij->nij", features(omega.T, np.gradient(omega, time, axis=0).T), FIRST_MOMENT_OF_FEATURES)
+    if attitude.source == "poses" and attitude.gravity is not None:  # they do not tell how Q accelerates
+        specific = -np.einsum("nji,j->ni", attitude.to_rest[within], attitude.gravity)
+    force = np.stack([np.interp(time, wrench.time, column) for column in wrench.force.T], axis=1)
+    posed = PosedForce(
+        force=force, to_rest=attitude.to_rest[within], specific=specific,
+        levers=levers, smooth=partial(smoothed, step),
+        independent=STEP / WINDOW,
+    )  # fmt: skip
+    return gravity_verdict(posed, attitude, weight, topic)
+
+
+class _Judgement:
+    def __init__(self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredWeight, topic: str) -> None:
+        self.posed, self.attitude, self.declared, self.topic = posed, attitude, declared, topic
+        self.plain, self.free = posed.fit(lift=False), posed.fit()
+
+    def verdict(self) -> GravityVerdict:
+        """The finding on the most likely reading, and what fits as well."""
+        if self.attitude.zero_at_rest:  # it takes up whatever gravity would show
+            return GravityVerdict(final=True)
+        explained = self.plain.misfit < EXPLAINED**2 * self.posed.changes
+        if self.posed.changes <= 0 or (explained and not self._worse(self.plain, self.free)):
+            return GravityVerdict()
+        if self.attitude.turned_back and self._zero_at_rest():
+            text = ", ".join(fixed(value, 1) for value in self.free.lift)
+            return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], "gravity", final=True)
+        other, yaw = self._other_frame()
+        fits = {
+            "plain": self.plain,
+            "gravity": self.free,
+            "sensor": self.posed.fit(lift=False, turned=True),
+            "frame": other.fit(),
+        }
+        best = min(fits.values(), key=lambda fit: fit.misfit)
+        if best.misfit > EXPLAINED**2 * self.posed.changes:
+            return GravityVerdict()
+        costs = {"plain": 0.0, "gravity": COSTS["turned"], "sensor": COSTS["turned"], "frame": COSTS["turned"]}
+        scores = {name: self._chi_square(fit, best) + costs[name] for name, fit in fits.items()}
+        least = min(scores.values())
+        if scores["plain"] < least + DECISIVE:
+            return GravityVerdict()
+        likely = sorted((name for name in scores if scores[name] < least + EQUAL), key=scores.__getitem__)
+        rivals = [READINGS[name] for name in likely[1:]]
+        doubt = f"; {' or '.join(rivals)} fits as well" if rivals else ""
+        if likely[0] == "frame":
+            return self._frame(other, fits["frame"], yaw, doubt)
+        return self._gravity(self.free, doubt) if likely[0] == "gravity" else GravityVerdict()
+
+    def _chi_square(self, fit: GravityFit, best: GravityFit) -> float:
+        variance = max(best.misfit, LEAST_MISFIT**2 * self.posed.changes)
+        return float(fit.misfit * self.posed.independent_values / variance)
+
+    def _worse(self, fit: GravityFit, than: GravityFit) -> bool:
+        return self._chi_square(fit, than) > self._chi_square(than, than) + DECISIVE
+
+    # Axes of the wrench
+
+    def _zero_at_rest(self) -> bool:
+        """Whether the force, turned back, has a zero along axes at rest and none along the sensor's."""
+        alone = self.posed.fit(zero=False)
+        return self._chi_square(alone, self.free) < self._chi_square(self.free, self.free) + EQUAL
+
+    def _other_frame(self) -> tuple[PosedForce, float]:
+        """The force along the axes of the other kind, and the yaw between axes at rest."""
+        if self.attitude.turned_back:
+            return self.posed.turned_to_rest(), 0.0
+        yaw = self.posed.best_yaw()
+        return self.posed.turned_back(yaw), yaw
+
+    def _frame(self, posed: PosedForce, fit: GravityFit, yaw: float, doubt: str) -> GravityVerdict:
+        if self.attitude.turned_back:
+            return GravityVerdict([Finding.WRENCH_TURNS.on(self.topic, doubt=doubt)], "frame", final=True)
+        lines = 'set wrench_frame = "base" in [recording]'
+        if abs(yaw) > LEAST_YAW:
+            turn = exponential(np.array([0.0, 0.0, self._near_right_angle(yaw)]))
+            before = turn if self.attitude.wrench_rotation is None else turn @ self.attitude.wrench_rotation
+            lines = lines.replace("in [rec", f"and wrench_rotation_to_body = {axes_text(np.round(before, 9))} in [rec")
+        if self.attitude.source == "gyro":
+            lines = (
+                "record joint states, poses or a quaternion, which turn it back with wrench_frame = "
+                '"base" in [recording], or the wrench in the sensor\'s frame'
+            )
+        findings = [Finding.WRENCH_AT_REST.on(self.topic, doubt=doubt, lines=lines)]
+        return GravityVerdict(findings, "frame", yaw, final=True)
+
+    def _near_right_angle(self, yaw: float) -> float:
+        right = np.pi / 2 * round(yaw / (np.pi / 2))
+        return float(right if abs(yaw - right) < LEAST_YAW else yaw)
+
+    # Gravity
+
+    def _gravity(self, fit: GravityFit, doubt: str) -> GravityVerdict:
+        gravity = self.attitude.gravity
+        if gravity is None:
+            return GravityVerdict()
+        size = float(np.linalg.norm(gravity))
+        down = gravity / size
+        weight = fit.lift - fit.mass * gravity  # upwards
+        told = self.attitude.source != "poses" and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
+        mass = fit.mass if told else self.declared.mass
+        length = float(np.linalg.norm(weight))
+        across = np.linalg.norm(np.cross(weight, down))
+        angle = float(np.arctan2(across, -weight @ down))
+        spread = self._spread(fit, gravity) / max(length, 1e-12)
+        if mass is not None and length < LEAST_WEIGHT * mass * size:
+            return self._removed(mass, float(-weight @ down) / size, spread * length / size, doubt)
+        if angle > max(LEAST_ANGLE, CERTAIN * spread) and self.attitude.source != "gyro":
+            shown = along_axis(-weight / length, 3 * spread) * size
+            degrees = with_uncertainty(np.degrees(angle), COVERAGE * np.degrees(spread))
+            found = Finding.GRAVITY_ELSEWHERE.on(self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt)
+            return GravityVerdict([found], "gravity", gravity=shown)
+        if mass is not None and told:
+            sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
+            return self._removed(mass, float(-weight @ down) / size, sigma, doubt)
+        return GravityVerdict()
+
+    def _spread(self, fit: GravityFit, declared: Vector) -> float:
+        """Standard uncertainty of the weight across its direction, the largest [N]."""
+        change = np.hstack([-declared[:, None], np.eye(3)])
+        covariance = fit.covariance[:4, :4].copy()
+        covariance[~np.isfinite(covariance)] = 0.0
+        return float(np.sqrt(np.linalg.eigvalsh(change @ covariance @ change.T)[-1]))
+
+    def _removed(self, mass: float, weighs: float, sigma: float, doubt: str) -> GravityVerdict:
+        """A part of the weight, or all of it, is missing in the force, or there is too much.
+
+        Args:
+            mass: by the motion, or as declared [kg].
+            weighs: mass whose weight is in the force [kg].
+            sigma: standard uncertainty of their difference [kg].
+            doubt: what explains the force as well.
+        """
+        declared, missing = self.declared, mass - weighs
+        if abs(missing - (0.0 if declared.put_back else declared.removed)) < max(LEAST_SHARE * mass, CERTAIN * sigma):
+            return GravityVerdict()
+        if self.attitude.source == "gyro" and weighs < LEAST_WEIGHT * mass:
+            return GravityVerdict()  # how the weight was removed is told better where gravity hardly turns
+        removed = missing + declared.removed * declared.put_back
+        amounts = {"weighs": weighs, "mass": mass, "removed": removed}
+        figures = {name: with_uncertainty(value, COVERAGE * sigma) for name, value in amounts.items()}
+        found = Finding.WEIGHT_OF_ANOTHER_PAYLOAD.on(self.topic, doubt=doubt, **figures)
+        return GravityVerdict([found], "gravity", final=True)
+
+
+def along_axis(down: Vector, spread: float) -> Vector:
+    """The direction, or the axis that it lies along within its uncertainty."""
+    axis = np.zeros(3)
+    k = int(np.argmax(np.abs(down)))
+    axis[k] = np.sign(down[k])
+    return axis if float(np.linalg.norm(np.cross(axis, down))) < np.sin(AXIS + spread) else down
+
+
+def gravity_text(gravity: Vector) -> str:
+    """Return the components of gravity as an experiment file has them."""
+    return ", ".join(f'"{value:.3f} m/s^2"' for value in np.round(gravity, 3) + 0.0)

@@ -1,0 +1,121 @@
+"""Recordings and tables in other people's conventions: what is named, and that a cure that is obeyed leads to the truth.
+
+``expected.toml`` has a row for each; ``tests/helpers/posed_runs.py`` makes the recordings.
+"""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.helpers import posed_runs
+from uq.experiment.experiment import Experiment
+from uq.identification.static_centre import centre_file
+from uq.inspection.experiment_findings import experiment_findings
+from uq.recorded.gravity_compensation import undo
+from uq.recorded.load_run import load
+
+EXPECTED = tomllib.loads((Path(__file__).parent / "expected.toml").read_text())
+
+
+def name_of(row):
+    return "-".join(row.get(key, "sound") for key in ("source", "container", "attitude", "convention") if key in row)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return posed_runs.measured(3, seconds=8.0, rate=100.0)
+
+
+def judged(path, folder, source, **declared):
+    """The run as declared, its weight put back, and the labels and texts of what is suspicious."""
+    experiment = posed_runs.experiment(folder, source, **declared)
+    run, _ = undo(load(path, experiment.recording, band=posed_runs.BAND, marks=False).run, (), experiment)
+    return run, [(finding.kind, finding.text) for finding in experiment_findings(run, experiment, undone=True)]
+
+
+@pytest.mark.parametrize("row", EXPECTED["recording"], ids=name_of)
+def test_a_recording_in_this_convention(tmp_path, clean, row):
+    recorded = posed_runs.CONVENTIONS[row["convention"]](clean)
+    path = posed_runs.write(tmp_path / "run", recorded, row["source"], row["container"])
+    _, findings = judged(path, tmp_path, row["source"])
+    assert [kind for kind, _ in findings][:1] == ([row["finding"]] if row["finding"] else [])
+    if "obeyed" not in row:
+        return
+    run, left = judged(path, tmp_path, row["source"], **row["obeyed"])
+    assert left == []
+    named = findings[0][1]
+    assert any(f"{key} = " in named or f" {key}" in named for key in row["obeyed"])
+    if row["convention"] in ("wrench_at_rest", "half_turned_base", "compensated", "other_payload", "reversed_wrench"):
+        force = np.stack([np.interp(run.t, clean.t, x) for x in clean.force.T], axis=1)
+        assert np.abs(run.force - force).mean() < 0.1  # noise of 0.05 N, and of the instants between samples
+
+
+# Tables of static poses
+
+
+ORDER = {"quaternion": ["q1", "q2", "q3", "q0"]}
+
+
+def table(path, row, count=10):
+    """Ten poses in a convention; returns the keys of ``[poses]`` that declare them as if they were sound."""
+    kind, convention = row["attitude"], row.get("convention", "sound")
+    turn = Rotation.random(count, rng=np.random.default_rng(5))
+    along = {"wall": np.array([-1.0, 0, 0]), "ceiling": np.array([0, 0, -1.0])}.get(convention, np.array([0, 0, 1.0]))
+    force = posed_runs.MASS * turn.inv().apply(posed_runs.G * along)
+    moment = np.cross(posed_runs.R_CG, force) + posed_runs.ZERO[3:]
+    force = force + posed_runs.ZERO[:3] + 0.01 * np.random.default_rng(6).normal(size=force.shape)
+    if convention == "wrench_at_rest":
+        force, moment = turn.apply(force), turn.apply(moment)
+    written = turn.inv() if convention == "inverse" else turn
+    euler = {"kuka": "ZYX", "fanuc": "xyz"}
+    if kind == "quaternion":
+        values = written.as_quat()[:, [3, 0, 1, 2]]
+        names = ["q1", "q2", "q3", "q0"] if convention == "scalar_first" else ["q0", "q1", "q2", "q3"]
+        keys = {"quaternion": dict(zip("wxyz", names, strict=True))}
+    elif kind == "matrix":
+        values, keys = written.as_matrix().reshape(count, 9), {"matrix": [f"q{k}" for k in range(9)]}
+    elif kind == "rotation_vector":
+        values, keys = written.as_rotvec(), {"rotation_vector": ["q0", "q1", "q2"], "angle_unit": "rad"}
+    else:
+        values = written.as_euler(euler[kind], degrees=True)
+        keys = {"euler": ["q0", "q1", "q2"], "euler_convention": kind, "angle_unit": "deg"}
+    head = [f"q{k}" for k in range(values.shape[1])] + ["fx", "fy", "fz", "tx", "ty", "tz"]
+    np.savetxt(path, np.hstack([values, force, moment]), delimiter=",", header=",".join(head), comments="", fmt="%.9g")
+    return {"force": ["fx", "fy", "fz"], "moment": ["tx", "ty", "tz"], "takes": "sensor_to_level"} | keys
+
+
+def as_toml(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value)
+
+
+def weighed(path, poses, recording):
+    """The centre by a table, with these tables of the experiment."""
+    tables = {"platform": {"gravity": f"{posed_runs.G} m/s^2"}, "recording": {"wrench": "on_body"} | recording}
+    document = {**tables, "poses": poses}
+    return centre_file(path, Experiment.from_dict(document))
+
+
+@pytest.mark.parametrize("row", EXPECTED["poses"], ids=name_of)
+def test_a_table_of_poses_in_this_convention(tmp_path, row):
+    """The line that the finding names is added to the experiment: mass and centre are then the true ones."""
+    path, recording = tmp_path / "poses.csv", {}
+    poses = table(path, row)
+    if row["finding"]:
+        try:
+            text = " ".join(weighed(path, poses, recording).warnings)
+        except Exception as error:
+            text = str(error)
+        assert row["finding"] in text
+        (poses if "frame" not in row["finding"] and "gravity" not in row["finding"] else recording).update(
+            tomllib.loads(row["finding"])
+        )
+    centre = weighed(path, poses, recording)
+    assert not [text for text in centre.warnings if "suspicious" in text or "residuals" in text]
+    assert centre.mass == pytest.approx(posed_runs.MASS, abs=2e-3)
+    np.testing.assert_allclose(centre.r_cg, posed_runs.R_CG, atol=2e-4)

@@ -1,0 +1,284 @@
+"""A payload on a simulated arm, recorded in whatever convention: joints, poses, an IMU with or without a quaternion.
+
+Kinematics in closed form and plain NumPy and SciPy, which share no code with the product. How often clean recordings
+are suspected:
+
+    python -m tests.helpers.posed_runs --runs 40    # a minute of processor time
+"""
+
+import argparse
+import json
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin
+from scipy.spatial.transform import Rotation
+
+from tests.helpers.bags import ROS1, STORE, header, vector, wrench, write_ros1, write_rosbag2
+
+G, STEP = 9.81, 1e-3
+UP = np.array([0.0, 0.0, G])
+MASS, R_CG = 2.0, np.array([0.02, -0.03, 0.048])
+TENSOR = 1e-3 * np.array([[9.0, 1.2, -0.8], [1.2, 7.0, 1.5], [-0.8, 1.5, 5.0]])
+ZERO = np.array([2.0, -1.0, 3.0, 0.1, -0.05, 0.02])
+AXES, LINKS = "zyyxyx", [(0, 0, 0.3), (0, 0, 0.2), (0.4, 0, 0), (0.3, 0, 0.05), (0.05, 0, 0), (0.1, 0, 0.02)]
+NAMES = [f"joint_{k}" for k in range(1, 7)]
+BAND = 3.0
+"""Highest frequency of the motion [Hz]."""
+EASE = 2.0
+"""Seconds in which the arm begins to move, and comes to rest."""
+START = 1_750_000_000_000_000_000
+NOISE = {"force": 0.05, "moment": 2e-3, "gyro": 1e-3, "accelerometer": 0.02, "joint": 1e-5}
+
+
+@dataclass(frozen=True)
+class PosedRun:
+    """Signals at common instants: wrench on the body at Q in B, motion of B, whose origin is Q; SI units."""
+
+    t: np.ndarray
+    joints: np.ndarray
+    attitude: Rotation
+    omega: np.ndarray
+    acceleration: np.ndarray
+    """Of Q, in B, without gravity."""
+    force: np.ndarray
+    moment: np.ndarray
+    quaternion: np.ndarray
+    specific_force: np.ndarray
+    wrench_late: float = 0.0
+    """Time by which the wrench's stamps are late [s]; the log's times are right."""
+
+
+def urdf(path):
+    """The arm's description, whose link ``tool`` turns with the body."""
+    parts = ['<link name="root"/>']
+    for k, (axis, offset) in enumerate(zip(AXES, LINKS, strict=True)):
+        parent, child = ("root" if k == 0 else f"link_{k}"), ("tool" if k == 5 else f"link_{k + 1}")
+        unit = " ".join("1" if axis == name else "0" for name in "xyz")
+        parts.append(
+            f'<link name="{child}"/><joint name="{NAMES[k]}" type="revolute"><parent link="{parent}"/><child '
+            f'link="{child}"/><origin xyz="{" ".join(map(str, offset))}"/><axis xyz="{unit}"/>'
+            '<limit lower="-6" upper="6" effort="1" velocity="9"/></joint>'
+        )
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    return path
+
+
+def _angles(t, seed, seconds):
+    draw = np.random.default_rng([seed, 1])
+    frequency, phase = draw.uniform(0.1, 0.35, (2, 6)), draw.uniform(0, 2 * np.pi, (2, 6))
+    size = np.array([[0.5], [0.35]]) * [1.2, 1.0, 1.0, 1.6, 1.4, 2.0]
+    moving = sum(size[k] * np.sin(2 * np.pi * np.multiply.outer(t, frequency[k]) + phase[k]) for k in range(2))
+    start, stop = np.clip(t / EASE, 0, 1), np.clip((seconds - t) / EASE, 0, 1)
+    return ((start * stop) ** 4 * (35 + (start * stop) * (-84 + (start * stop) * (70 - 20 * start * stop))))[
+        :, None
+    ] * moving
+
+
+def _place(t, seed, seconds):
+    """Attitude and position of the tool."""
+    angles, turn, at = _angles(t, seed, seconds), Rotation.identity(len(t)), np.zeros((len(t), 3))
+    for k, (axis, offset) in enumerate(zip(AXES, LINKS, strict=True)):
+        at = at + turn.apply(offset)
+        turn = turn * Rotation.from_euler(axis, angles[:, [k]])
+    return turn, at
+
+
+def _omega(t, seed, seconds):
+    before, after = _place(t - STEP, seed, seconds)[0], _place(t + STEP, seed, seconds)[0]
+    return (before.inv() * after).as_rotvec() / (2 * STEP)
+
+
+def measured(seed=0, *, seconds=12.0, rate=100.0, noise=1.0):
+    """A run without any error but noise and the load cell's zero."""
+    t, draw = np.arange(0, seconds, 1 / rate), np.random.default_rng(seed).normal
+    (attitude, here), ahead, behind = (
+        _place(t, seed, seconds),
+        _place(t + STEP, seed, seconds)[1],
+        _place(t - STEP, seed, seconds)[1],
+    )
+    omega, alpha = (
+        _omega(t, seed, seconds),
+        (_omega(t + STEP, seed, seconds) - _omega(t - STEP, seed, seconds)) / (2 * STEP),
+    )
+    acceleration = attitude.inv().apply((ahead - 2 * here + behind) / STEP**2)
+    specific = acceleration + attitude.inv().apply(UP)
+    at_cg = specific + np.cross(alpha, R_CG) + np.cross(omega, np.cross(omega, R_CG))
+    force = MASS * at_cg
+    moment = alpha @ TENSOR + np.cross(omega, omega @ TENSOR) + np.cross(R_CG, force)
+    noisy = lambda values, kind: values + noise * NOISE[kind] * draw(size=values.shape)  # noqa: E731
+    return PosedRun(
+        t=t, joints=noisy(_angles(t, seed, seconds), "joint"), attitude=attitude, omega=noisy(omega, "gyro"),
+        acceleration=acceleration, force=noisy(force, "force") + ZERO[:3], moment=noisy(moment, "moment") + ZERO[3:],
+        quaternion=attitude.as_quat(), specific_force=noisy(specific, "accelerometer"),
+    )  # fmt: skip
+
+
+# Conventions: each takes a clean run and returns it as another rig would have recorded it
+
+
+def sound(run):
+    return run
+
+
+def wrench_at_rest(run):
+    return replace(run, force=run.attitude.apply(run.force), moment=run.attitude.apply(run.moment))
+
+
+def half_turned_base(run):
+    half = Rotation.from_euler("z", 180, degrees=True)
+    rested = wrench_at_rest(run)
+    return replace(rested, force=half.apply(rested.force), moment=half.apply(rested.moment))
+
+
+def zero_at_rest(run):
+    plain = replace(run, force=run.force - ZERO[:3], moment=run.moment - ZERO[3:])
+    rested = wrench_at_rest(plain)
+    return replace(rested, force=rested.force + ZERO[:3], moment=rested.moment + ZERO[3:])
+
+
+def _weight(run, mass, r_cg, along=UP):
+    force = mass * run.attitude.inv().apply(along)
+    return force, np.cross(r_cg, force)
+
+
+def _regravitated(run, along):
+    force, moment = _weight(run, MASS, R_CG, along - UP)
+    change = run.attitude.inv().apply(along - UP)
+    return replace(run, force=run.force + force, moment=run.moment + moment, specific_force=run.specific_force + change)
+
+
+def wall(run):
+    return _regravitated(run, np.array([-G, 0.0, 0.0]))
+
+
+def ceiling(run):
+    return _regravitated(run, -UP)
+
+
+def leaning(run):
+    return _regravitated(run, Rotation.from_euler("x", 10, degrees=True).apply(UP))
+
+
+def compensated(run):
+    force, moment = _weight(run, MASS, R_CG)
+    return replace(run, force=run.force - force, moment=run.moment - moment)
+
+
+def other_payload(run):
+    force, moment = _weight(run, 0.9, np.array([0.0, 0.0, 0.057]))
+    return replace(run, force=run.force - force, moment=run.moment - moment)
+
+
+def accelerometer_down(run):
+    return replace(run, specific_force=-run.specific_force)
+
+
+def reversed_wrench(run):
+    return replace(run, force=-run.force, moment=-run.moment)
+
+
+def clocks_apart(run):
+    return replace(run, wrench_late=0.4)
+
+
+def booted_clock(run):
+    return replace(run, wrench_late=START * 1e-9 - 37.0)
+
+
+CONVENTIONS = {
+    function.__name__: function
+    for function in (
+        sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
+        accelerometer_down, reversed_wrench, clocks_apart, booted_clock,
+    )
+}  # fmt: skip
+
+
+def _messages(run, source, store):
+    """The messages of a run: log time, topic, type, message."""
+    items, types = [], store.types
+    stamped = types["geometry_msgs/msg/WrenchStamped"]
+    names = {"joints": "sensor_msgs/msg/JointState", "poses": "geometry_msgs/msg/PoseStamped"}
+    kind = names.get(source, "sensor_msgs/msg/Imu")
+    empty, unknown = np.zeros(0), np.zeros(9)
+    quaternion = run.quaternion if source == "quaternion" else np.tile([0.0, 0, 0, 1], (len(run.t), 1))
+    for k, time in enumerate((START + np.round(run.t * 1e9).astype(np.int64)).tolist()):
+        at = time - round(run.wrench_late * 1e9)
+        items.append(
+            (
+                time,
+                "/wrench",
+                stamped.__msgtype__,
+                stamped(header(store, at, "tool0"), wrench(store, run.force[k], run.moment[k])),
+            )
+        )
+        head = header(store, time, "root")
+        if source == "joints":
+            message = types[kind](head, NAMES, run.joints[k], empty, empty)
+        elif source == "poses":
+            point, turn = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
+            message = types[kind](head, types["geometry_msgs/msg/Pose"](point(0, 0, 0), turn(*run.quaternion[k])))
+        else:
+            turn = types["geometry_msgs/msg/Quaternion"](*quaternion[k])
+            message = types[kind](
+                head, turn, unknown, vector(store, run.omega[k]), unknown, vector(store, run.specific_force[k]), unknown
+            )
+        items.append((time, "/motion", kind, message))
+    return items
+
+
+def write(path, run, source, container):
+    """Write a run; returns its path."""
+    items = _messages(run, source, ROS1 if container == "ros1" else STORE)
+    if container == "ros1":
+        write_ros1(path.with_suffix(".bag"), items)
+        return path.with_suffix(".bag")
+    write_rosbag2(path, items, plugin=getattr(StoragePlugin, container.upper()))
+    return path
+
+
+def experiment(folder, source, **recording):
+    """The experiment file of a run; ``recording``: further keys, as TOML has them."""
+    keys = {"wrench": "on_body", "method": "joint"} | recording
+    if source == "joints":
+        urdf(folder / "arm.urdf")
+        down = ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]
+        keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "urdf_gravity": down} | keys
+    lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
+    (folder / "e.toml").write_text(
+        '[body]\nr_cg_from_q = ["0 mm", "0 mm", "50 mm"]\n[platform]\ngravity = "9.81 m/s^2"\n'
+        '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "3 Hz"\n'
+        '[[source]]\nname = "r_cg"\ntarget = "r_cg"\nkind = "bias"\nsigma = ["0.1 m", "0.1 m", "0.1 m"]\ngroup = "cg"\n'
+        f"[recording]\n{lines}"
+    )
+    from uq.experiment.experiment import Experiment
+
+    return Experiment.load(folder / "e.toml")
+
+
+def main(arguments=None):
+    from uq.inspection.experiment_findings import experiment_findings
+    from uq.recorded.load_run import load
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=40)
+    count = parser.parse_args(arguments).runs
+    with tempfile.TemporaryDirectory() as folder:
+        for source in ("joints", "poses", "imu", "quaternion"):
+            suspected = 0
+            for seed in range(count):
+                rate = (50.0, 125.0, 500.0)[seed % 3]
+                path = write(Path(folder) / f"{source}-{seed}", measured(seed, rate=rate), source, "mcap")
+                declared = experiment(Path(folder), source)
+                findings = experiment_findings(load(path, declared.recording, band=BAND, marks=False).run, declared)
+                suspected += bool(findings)
+                for finding in findings:
+                    print(f"{source}, seed {seed}, {rate:g} Hz: {finding}")
+            print(f"{source}: {suspected} of {count} clean runs suspected")
+
+
+if __name__ == "__main__":
+    main()
