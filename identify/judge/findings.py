@@ -266,7 +266,8 @@ class Finding(Enum):
     )  # fmt: skip
     WEIGHT_OF_ANOTHER_MASS = (
         "mass", "the force is the weight of {weighs} kg, the declared mass is {stated} kg", _none,
-        "correct body.mass, force_unit or the load cell's calibration",
+        "correct body.mass, force_unit or the load cell's calibration; or the driver removed another payload's weight: "
+        "state payload_mass and payload_r_cg_from_q",
     )  # fmt: skip
     OTHER_POINT = (
         "point", "force and moment put the centre of gravity {distance:.1f} mm from the declared one", _none,

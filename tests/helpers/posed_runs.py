@@ -270,7 +270,7 @@ def main(arguments=None):
         for source in ("joints", "poses", "imu", "quaternion"):
             suspected = 0
             for seed in range(count):
-                rate = (50.0, 125.0, 500.0)[seed % 3]
+                rate = (100.0, 125.0, 500.0)[seed % 3]
                 path = write(Path(folder) / f"{source}-{seed}", measured(seed, rate=rate), source, "mcap")
                 declared = experiment(Path(folder), source)
                 findings = experiment_findings(load(path, declared.recording, band=BAND, marks=False).run, declared)

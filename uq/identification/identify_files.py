@@ -96,6 +96,8 @@ def identify_files(
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
+    if experiment.recording.zero_frame == "base" and method not in (None, "joint"):
+        raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
     spec = experiment.estimator(estimator)
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]

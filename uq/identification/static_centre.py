@@ -85,6 +85,11 @@ def centre_file(
             f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
             "tells mass and centre: record without the compensation"
         )
+    if experiment.recording.zero_frame == "base":
+        raise RunError(
+            f"recording.zero_frame is base, and at rest such a zero in {name} cannot be told from weight: identify a "
+            "run that moves, by the method joint"
+        )
     of_file = _table_wrenches if Path(path).suffix.lower() in TABLES else _run_wrenches
     wrenches = _without(of_file(path, experiment, windows), without, name)
     signals = wrenches.force, wrenches.moment, wrenches.specific_force

@@ -84,7 +84,7 @@ def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np
         return
     kind = "stamps" if times[0] is channels[0].stamp else "log times"
     ranges = [
-        f"the {kind} of {channel.topic} run from {_readable(t[0])} to {_readable(t[-1])}"
+        f"the {kind} of {channel.topic} run from {_readable(int(t[0]))} to {_readable(int(t[-1]))}"
         for channel, t in zip(channels, times, strict=True)
     ]
     logged = kind == "stamps" and _overlap(channels[0].log_time, channels[1].log_time)
