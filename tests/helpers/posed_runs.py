@@ -3,7 +3,7 @@
 Kinematics in closed form and plain NumPy and SciPy, which share no code with the product. How often clean recordings
 are suspected:
 
-    python -m tests.helpers.posed_runs --runs 40    # a minute of processor time
+    python -m tests.helpers.posed_runs --runs 40    # three minutes of processor time
 """
 
 import argparse
