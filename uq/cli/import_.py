@@ -6,9 +6,9 @@ from pathlib import Path
 from identify.signals.run import RunError
 from rig.exceptions import RigError
 from uq.files.document import ExperimentError
-from uq.recorded.import_table import import_table
-from uq.recorded.proposed_map import propose
-from uq.recorded.table_map import Map
+from uq.tables.import_table import import_table
+from uq.tables.proposed_map import propose
+from uq.tables.table_map import Map
 
 ERRORS = (ExperimentError, RunError, RigError)
 

@@ -41,9 +41,9 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
-    from uq.recorded.table_map import Map
     from uq.sources.source import KINDS
     from uq.sources.source_keys import DrawTable, SourceTable, source_table
+    from uq.tables.table_map import Map
 
     if file != "experiment":
         tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile}

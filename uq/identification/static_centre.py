@@ -29,8 +29,8 @@ from uq.identification.pose_readings import pose_readings
 from uq.identification.undeclared_centre import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.load_run import Recorded, load
-from uq.recorded.table_samples import as_recording, silenced
 from uq.recorded.time_window import TimeWindow, resolve
+from uq.tables.table_samples import as_recording, silenced
 
 TABLES = (".csv", ".tsv", ".txt")
 

@@ -16,8 +16,8 @@ from uq.files.csv_columns import CsvTable, read_rows
 from uq.files.table_layout import layout
 from uq.files.toml_text import toml_value
 from uq.files.units import scale
-from uq.recorded.table_map import MOTIONS, WRENCH
-from uq.recorded.table_samples import COUNTS, rate_of_coarse
+from uq.tables.table_map import MOTIONS, WRENCH
+from uq.tables.table_samples import COUNTS, rate_of_coarse
 
 AXES = {
     "acceleration": "a|acc|accel|accelerometer|acceleration|specific_force",

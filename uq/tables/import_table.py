@@ -19,8 +19,8 @@ from uq.files.document import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.units import scale
 from uq.recorded.declared_channels import EQUAL, declared
-from uq.recorded.table_map import MOTIONS, WRENCH, Map
-from uq.recorded.table_samples import DeclaredTable, TableSamples, as_recording, silenced
+from uq.tables.table_map import MOTIONS, WRENCH, Map
+from uq.tables.table_samples import DeclaredTable, TableSamples, as_recording, silenced
 
 
 @dataclass(frozen=True)

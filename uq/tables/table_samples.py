@@ -19,7 +19,7 @@ from uq.files.document import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.table_layout import known_unit
 from uq.files.units import scale
-from uq.recorded.table_map import MapColumns
+from uq.tables.table_map import MapColumns
 
 if TYPE_CHECKING:
     import pandas as pd
