@@ -21,7 +21,7 @@ class TrialSetting(NamedTuple):
     """One trajectory of an experiment: all that its engines are prepared from."""
 
     motion: Motion
-    """Its samples."""
+    """Samples of the true rotation and its derivatives."""
     trajectory: Trajectory
     """The rotation, which a delayed gyro reads at other instants."""
     body: Body

@@ -49,7 +49,7 @@ class SamplesEngine(Engine):
     dtype: np.dtype = static_field()
     """Precision of noise and signals; constant errors, sums over blocks and solutions have the default precision."""
     segment = 100
-    """Seconds."""
+    """Trials of a segment, after which a checkpoint is written."""
 
     def batch(self, device: jax.Device) -> int:
         """Return one on a processor, whose cache holds the record of one trial."""
