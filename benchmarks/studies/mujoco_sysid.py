@@ -4,6 +4,8 @@ It is used as its documentation has it: residuals are divided by the root mean s
 
 - A payload: ``InertiaType.Pseudo`` for the ten parameters, ``SignalTransform.bias`` for the sensor's offsets. The
   rollout is a custom one, MuJoCo's inverse dynamics along the joints: a log without torques drives no simulation.
+- A body on a moving platform with an IMU: the same, in the platform's own axes, where gravity and its acceleration
+  together are the specific force.
 - A thrown body: its rollout by the measured moment, compared with its gyro. Unknown are the six parameters of the
   pseudo-inertia that turn the body, and in each run the angular velocity at the start.
 """
@@ -20,12 +22,23 @@ from identify.rigid_body.inertia import Body, unpack
 from identify.serial_arm.joint_series import JointStates
 from identify.signals.run import Run
 from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.mujoco_run import loaded_spec
+from uq.motion_design.arm.mujoco_run import add_payload, loaded_spec
 
 LARGEST_OFFSET = {"force": 20.0, "torque": 2.0}
 """Bounds of the sensor's offsets [N, N·m]."""
 STEP = 5e-6
 """Of the differences that turn the covariance of its parameters into that of mass, first moment and tensor."""
+PLATFORM = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="platform">
+      <freejoint name="free"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
 FREE_BODY = """
 <mujoco>
   <option gravity="0 0 0" integrator="RK4"/>
@@ -63,6 +76,34 @@ def payload_by_sysid(
         wrench: force and torque as the sensor reads them, (t, 6) [N, N·m].
     """
     spec = loaded_spec(arm, nominal, gravity)
+    model = spec.compile()
+    in_order = np.argsort([model.joint(name).dofadr[0] for name in arm.names])
+    return _carried(spec, t, JointStates(*(values[:, in_order] for values in joints)), wrench)
+
+
+def body_by_sysid(
+    nominal: Body, t: np.ndarray, omega: np.ndarray, alpha: np.ndarray, specific_force: np.ndarray, wrench: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mass, first moment and tensor about Q (xx xy xz yy yz zz), and their covariance, on a moving platform.
+
+    Args:
+        nominal: the body as stated; the optimizer starts there.
+        t: instants [s], shape (t,).
+        omega: angular velocity, in the body's axes, (t, 3) [rad/s].
+        alpha: angular acceleration, (t, 3) [rad/s²].
+        specific_force: acceleration of Q less gravity, in the same axes, (t, 3) [m/s²].
+        wrench: force and moment on the body about Q, (t, 6) [N, N·m].
+    """
+    spec = mujoco.MjSpec.from_string(PLATFORM)
+    add_payload(spec.body("platform"), spec, nominal)
+    rest = np.zeros((len(t), 7)) + [0, 0, 0, 1, 0, 0, 0]
+    still = np.zeros((len(t), 3))
+    states = JointStates(rest, np.hstack([still, omega]), np.hstack([specific_force, alpha]))
+    return _carried(spec, t, states, wrench)
+
+
+def _carried(spec: Any, t: np.ndarray, states: JointStates, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ten parameters of the body "payload" and their covariance, from what moves it, by inverse dynamics."""
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     model = spec.compile()
     parameters, transform = sysid.ParameterDict(), sysid.SignalTransform()
@@ -73,10 +114,8 @@ def payload_by_sysid(
         parameters.add(bias)
         transform.bias(name, bias, target="predicted")
     transform.enable_sensors(list(LARGEST_OFFSET))  # without it, 4.0.0 raises for sensors of three columns
-    in_order = np.argsort([model.joint(name).dofadr[0] for name in arm.names])
-    states = JointStates(*(values[:, in_order] for values in joints))
     sequences = sysid.ModelSequences(
-        "arm", spec, "run",
+        "body", spec, "run",
         sysid.create_initial_state(model, states.position[0], states.speed[0]),
         sysid.TimeSeries(t, np.zeros((len(t), 0))),
         sysid.TimeSeries.from_names(t, wrench, model),

@@ -92,10 +92,11 @@ def plain(arm: Arm, gravity: float, log: Measured, *, offsets: bool, lowpass: fl
     estimate = np.linalg.lstsq(columns, values)[0]
     variance = ((values - columns @ estimate) ** 2).sum() / (len(values) - len(estimate))
     covariance = variance * np.linalg.inv(columns.T @ columns)
-    return _about_cg(estimate[FROM_PINOCCHIO], covariance[np.ix_(FROM_PINOCCHIO, FROM_PINOCCHIO)])
+    return stated_about_cg(estimate[FROM_PINOCCHIO], covariance[np.ix_(FROM_PINOCCHIO, FROM_PINOCCHIO)])
 
 
-def _about_cg(parameters: np.ndarray, covariance: np.ndarray) -> Stated:
+def stated_about_cg(parameters: np.ndarray, covariance: np.ndarray) -> Stated:
+    """Return what mass, first moment and tensor about Q, and their covariance, say about the centre of gravity."""
     slope = np.asarray(jax.jacfwd(about_cg)(jnp.asarray(parameters)))
     values = np.asarray(about_cg(jnp.asarray(parameters)))
     return Stated(values, 1.96 * np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope)))
@@ -131,7 +132,7 @@ def by_sysid(limits: ArmLimits, log: Measured, joints: JointStates) -> Stated:
     """Return what ``mujoco.sysid`` states; its model has the payload that the arm's controller reckons with."""
     mass, centre, inertia = limits.body
     nominal = Body(np.asarray(ASSUMED * mass), centre, np.asarray(ASSUMED * inertia))
-    return _about_cg(*payload_by_sysid(limits.arm, nominal, limits.gravity, log.t, joints, log.wrench))
+    return stated_about_cg(*payload_by_sysid(limits.arm, nominal, limits.gravity, log.t, joints, log.wrench))
 
 
 def beside_plain(

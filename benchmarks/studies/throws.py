@@ -7,7 +7,7 @@ Plain is what a user writes: central differences, ``numpy.linalg.lstsq`` and the
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,27 +32,36 @@ Way = Callable[[Sequence[Path]], np.ndarray]
 def plain(runs: Sequence[Run]) -> np.ndarray:
     """Return the intervals of least squares over all samples of some runs, as its users write it."""
     phi = [features(run.omega.T, np.gradient(run.omega.T, 1 / run.rate, axis=1)) for run in runs]
-    return _least_squares(phi, [run.moment.T for run in runs])
+    return least_squares(phi, [run.moment.T for run in runs])
 
 
 def plain_lowpassed(runs: Sequence[Run], estimator: EstimatorSpec) -> np.ndarray:
     """Return the same, both sides of the regression behind the differentiator and low-pass of ``identify``."""
     rows = [rows_of(run, estimator) for run in runs]
-    return _least_squares([row.phi for row in rows], [row.moment for row in rows])
+    return least_squares([row.phi for row in rows], [row.moment for row in rows])
 
 
-def _least_squares(phi: Sequence[np.ndarray], moment: Sequence[np.ndarray]) -> np.ndarray:
+def least_squares(phi: Sequence[np.ndarray], moment: Sequence[np.ndarray], *, offsets: bool = False) -> np.ndarray:
+    """Return the textbook's intervals, by ``s² (XᵀX)⁻¹``.
+
+    Args:
+        phi: features of each run, (9, n).
+        moment: about the centre of gravity, (3, n) [N·m].
+        offsets: whether three columns for an offset of the moment are added.
+    """
     columns = np.einsum("kn,kij->nij", np.hstack(phi), OMEGA_R_OF_FEATURES).reshape(-1, 6)
     values = np.hstack(moment).T.ravel()
+    if offsets:
+        columns = np.hstack([columns, np.tile(np.eye(3), (len(values) // 3, 1))])
     estimate = np.linalg.lstsq(columns, values)[0]
-    variance = ((values - columns @ estimate) ** 2).sum() / (len(values) - 6)
-    return _interval(estimate, variance * np.linalg.inv(columns.T @ columns))
+    variance = ((values - columns @ estimate) ** 2).sum() / (len(values) - len(estimate))
+    return interval(estimate[:6], (variance * np.linalg.inv(columns.T @ columns))[:6, :6])
 
 
 def by_sysid(runs: Sequence[Run], estimator: EstimatorSpec) -> np.ndarray:
     """Return the intervals of ``mujoco.sysid``: from the same low-pass, and from the estimate of least squares."""
     nominal = plain_lowpassed(runs, estimator).mean(axis=1)
-    return _interval(*thrown_by_sysid([lowpassed(run, estimator) for run in runs], nominal))
+    return interval(*thrown_by_sysid([lowpassed(run, estimator) for run in runs], nominal))
 
 
 def lowpassed(run: Run, estimator: EstimatorSpec) -> Run:
@@ -66,7 +75,8 @@ def lowpassed(run: Run, estimator: EstimatorSpec) -> Run:
     return Run.from_arrays(run.t[inner], run.force[inner], moment, omega, name=run.name)
 
 
-def _interval(estimate: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def interval(estimate: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the ends of normal intervals of 95 %, (6, 2)."""
     half = 1.96 * np.sqrt(np.diag(covariance))
     return np.stack([estimate - half, estimate + half], axis=1)
 
@@ -117,6 +127,17 @@ def lines_of(body: str, names: Sequence[str], intervals: dict[str, np.ndarray], 
     return [*lines[:-1], f"{f'{body}, single':14}{single}", f"{f'{body}, pooled':14}{together}"]
 
 
+def table(folder: Path, ways: Mapping[str, Way]) -> Iterator[str]:
+    """Yield the table of a folder of throws, body after body."""
+    yield f"{'holds of six':14}" + "".join(f"{name:>24}" for name in ways)
+    for body, about in json.loads((folder / "truth.json").read_text()).items():
+        truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
+        files = sorted(folder.glob(f"{body}_*.mcap"))
+        selections = [*([file] for file in files), files]
+        intervals = {name: np.array([way(selection) for selection in selections]) for name, way in ways.items()}
+        yield from lines_of(body, [*(file.name for file in files), "pooled"], intervals, truth)
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -124,16 +145,10 @@ def main() -> None:
     parser.add_argument("--experiment", default="docs/experiments/throws.toml")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    ways = ways_of(Experiment.load(arguments.experiment))
     if not AVAILABLE:
         print(INSTALL)
-    print(f"{'holds of six':14}" + "".join(f"{name:>24}" for name in ways))
-    for body, about in json.loads((arguments.folder / "truth.json").read_text()).items():
-        truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
-        files = sorted(arguments.folder.glob(f"{body}_*.mcap"))
-        selections = [*([file] for file in files), files]
-        intervals = {name: np.array([way(selection) for selection in selections]) for name, way in ways.items()}
-        print(*lines_of(body, [*(file.name for file in files), "pooled"], intervals, truth), sep="\n", flush=True)
+    for line in table(arguments.folder, ways_of(Experiment.load(arguments.experiment))):
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

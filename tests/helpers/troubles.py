@@ -67,6 +67,12 @@ def _flexible(size, rng):
     return {"flex_frequency": 25 / np.sqrt(size)} if size > 0 else {}
 
 
+def _common_gain(first):
+    """A gain that three axes have in common, as the bridge's excitation voltage gives."""
+    axes_with = np.isin(np.arange(6), np.arange(first, first + 3))
+    return lambda size, rng: {"cell_gain": tuple(size * rng.choice([-1, 1]) * axes_with)}
+
+
 CELL = np.array([1, 1, 1, 0.03, 0.03, 0.03])
 """A newton, and the moment that goes with it."""
 TROUBLES = {
@@ -126,6 +132,8 @@ TROUBLES = {
         "1", 5e-3, 0.2, lambda size, rng: {"cell_gain": (0.0, 0.0, 0.0, *(size * rng.standard_normal(3) / np.sqrt(3)))},
         ("gain",), sources=axes("M_gain", "M", "scale"),
     ),
+    "common gain of force": Trouble("1", 5e-3, 0.2, _common_gain(0), ("gain", "mass")),
+    "common gain of moment": Trouble("1", 5e-3, 0.2, _common_gain(3), ("gain", "centre of gravity")),
     "cross-talk": Trouble(
         "of full scale", 5e-3, 0.2, _talk, ("cross-talk",),
         sources=lambda size: [("cross_talk", "wrench", "cross_talk", size)],

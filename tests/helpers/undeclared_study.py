@@ -1,23 +1,28 @@
-"""The study of undeclared errors: all drawn together at parts and multiples of their typical size, nothing declared of them.
+"""The study of undeclared errors: drawn at parts and multiples of their typical size, nothing declared of them.
 
 A run is one of tests/helpers/laboratory.py with gains (common and by axis), cross-talk, axes of load cell and gyro, gyro scale, delay, mass,
-accelerometer scale and the mounting's frequency off, identified from its file as ``inertia identify`` does. The oracle is
-told the size, which is the best that a second interval can do.
+accelerometer scale and the mounting's frequency off: all of them, each alone, or two at random. It is identified from its file as
+``inertia identify`` does. The oracle is told the size of all, which is the best that a second interval can do that does not know which
+errors there are.
 
     python -m tests.helpers.undeclared_study --runs 20 --sizes 0.3 1 3
+    python -m tests.helpers.undeclared_study --runs 20 --single
+    python -m tests.helpers.undeclared_study --runs 20 --pairs 20
 """
 
 import argparse
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tests.helpers.laboratory import measure
+from tests.helpers.laboratory import Measured, measure
 from tests.helpers.trouble_study import METHODS
 
 FIRST = 900
@@ -36,51 +41,62 @@ class Answer(NamedTuple):
     truth: np.ndarray
 
 
-def drawn(seed: int, size: float) -> dict:
-    """The laboratory's options: every error drawn anew, normal, ``size`` times its typical standard uncertainty."""
-    generator = np.random.default_rng([FIRST, seed])
+def _normal(generator: np.random.Generator, size: float, sigma: float, shape: object = None) -> np.ndarray:
+    return size * sigma * generator.normal(size=shape)
 
-    def normal(sigma: float, count: int = 3) -> np.ndarray:
-        return size * sigma * generator.normal(size=count)
 
-    common = np.repeat(normal(0.0025, 2), 3)
-    clean = measure(seed)
+def _cross_talk(normal: Callable, clean: Measured) -> dict:
     full_scale = np.repeat([np.abs(clean.force).max(), np.abs(clean.moment).max()], 3)
-    talk = normal(0.0015, 36).reshape(6, 6) * (1 - np.eye(6)) * np.outer(full_scale, 1 / full_scale)
-    return {
-        "cell_gain": tuple(common + normal(0.0025, 6)), "cross_talk": talk, "cell_turn": tuple(normal(0.005)),
-        "gyro_scale": tuple(normal(0.003)), "gyro_turn": tuple(normal(0.005)), "imu_delay": float(normal(0.001, 1)[0]),
-        "mass_error": float(normal(0.001 * clean.mass, 1)[0]), "accelerometer_scale": tuple(normal(0.003)),
-        "flex_frequency": 50.0 / np.sqrt(size),
-    }  # fmt: skip
+    return {"cross_talk": normal(0.0015, (6, 6)) * (1 - np.eye(6)) * np.outer(full_scale, 1 / full_scale)}
 
 
-def answers(seed: int, size: float) -> dict[str, Answer]:
+ERRORS: dict[str, Callable[[Callable, Measured], dict]] = {
+    "gain of force": lambda normal, clean: {"cell_gain": np.repeat([normal(0.0025), 0.0], 3)},
+    "gain of moment": lambda normal, clean: {"cell_gain": np.repeat([0.0, normal(0.0025)], 3)},
+    "gains by axis": lambda normal, clean: {"cell_gain": normal(0.0025, 6)},
+    "cross-talk": _cross_talk,
+    "load cell axes": lambda normal, clean: {"cell_turn": tuple(normal(0.005, 3))},
+    "gyro scale": lambda normal, clean: {"gyro_scale": tuple(normal(0.003, 3))},
+    "gyro axes": lambda normal, clean: {"gyro_turn": tuple(normal(0.005, 3))},
+    "delay": lambda normal, clean: {"imu_delay": float(normal(0.001))},
+    "mass": lambda normal, clean: {"mass_error": float(normal(0.001 * clean.mass))},
+    "accelerometer scale": lambda normal, clean: {"accelerometer_scale": tuple(normal(0.003, 3))},
+    "mounting": lambda normal, clean: {"flex_frequency": 50.0 / np.sqrt(abs(normal(1.0)))},
+}
+"""The laboratory's options for each error, from a function that draws normal numbers of a standard deviation (times the size)."""
+
+
+def drawn(seed: int, size: float, names: Sequence[str]) -> dict:
+    """The laboratory's options: the named errors, normal, ``size`` times their typical standard uncertainty."""
+    clean, options = measure(seed), {"cell_gain": np.zeros(6)}
+    for name in names:
+        generator = np.random.default_rng([FIRST, seed, list(ERRORS).index(name)])
+        normal = partial(_normal, generator, size)
+        for key, value in ERRORS[name](normal, clean).items():
+            options[key] = options[key] + value if key in options else value
+    return options | {"cell_gain": tuple(options["cell_gain"])}
+
+
+def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
     """One run's answers, by method."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    from identify.results.undeclared import Undeclared
     from tests.helpers.laboratory_files import document, write
     from uq.experiment.experiment import Experiment
-    from uq.experiment.undeclared_table import UndeclaredTable
     from uq.identification.identify_files import identify_files
-    from uq.identification.undeclared import with_undeclared
-    from uq.recorded.load_run import load_run
 
-    measured, by_method = measure(seed, **drawn(seed, size)), {}
-    told = UndeclaredTable(
-        **{name: size * x for name, x in UndeclaredTable().to_dict().items() if name != "mounting_frequency"},
-        mounting_frequency=50.0 / np.sqrt(size),
-    )
+    measured, by_method = measure(seed, **drawn(seed, size, names)), {}
     with tempfile.TemporaryDirectory() as folder:
         path = write(Path(folder) / "run.mcap", measured)
         for method in METHODS:
-            experiment = Experiment.from_dict(document(measured, method))
-            result = identify_files([path], experiment)
+            result = identify_files([path], Experiment.from_dict(document(measured, method)))
             if result.undeclared is None:
                 continue
-            run = load_run(path, experiment.recording)
-            oracle = with_undeclared(result, [run], replace(experiment, undeclared=told))
+            # effects are of first order, so those of another size are so many times as large
+            effects = [effect._replace(changes=size * effect.changes) for effect in result.undeclared.effects]
+            oracle = replace(result, undeclared=Undeclared(tuple(effects)))
             by_method[method] = Answer(
                 first=result.interval95, second=result.interval95_with_undeclared,
                 oracle=oracle.interval95_with_undeclared, warned=bool(result.warnings), truth=measured.truth,
@@ -95,28 +111,39 @@ def score(interval: np.ndarray, truth: np.ndarray) -> float:
     return float(np.mean(high - low + 2 / 0.05 * missed))
 
 
-def row(size: float, method: str, told: Sequence[Answer]) -> str:
-    """A line of the table."""
-    holds = {
-        name: np.mean([(i[:, 0] <= a.truth) & (a.truth <= i[:, 1]) for a in told for i in [getattr(a, name)]])
-        for name in ("first", "second", "oracle")
-    }
-    off = [np.abs(a.second.mean(axis=1) - a.truth) / (np.ptp(a.second, axis=1) / 2) for a in told]
-    silent = sum(bool((o > SILENT).any()) and not a.warned for o, a in zip(off, told, strict=True))
-    ratio = np.mean([score(a.second, a.truth) for a in told]) / np.mean([score(a.oracle, a.truth) for a in told])
-    covered = " | ".join(f"{100 * holds[name]:.0f}" for name in ("first", "second", "oracle"))
-    warned = sum(a.warned for a in told)
-    return f"| {size:g} | {method} | {len(told)} | {covered} | {silent} | {warned} | {ratio:.2f} |"
+def silent(answer: Answer) -> bool:
+    """Return whether some component is off by more than so many half-widths of the second interval, without a warning."""
+    off = np.abs(answer.second.mean(axis=1) - answer.truth) / (np.ptp(answer.second, axis=1) / 2)
+    return bool((off > SILENT).any()) and not answer.warned
 
 
-def table(found: Mapping[float, Sequence[Mapping[str, Answer]]]) -> str:
-    """The table of docs/explanation/intervals.md."""
-    head = "| size | method | runs | first, % | second, % | told, % | silent | warned | score |\n|" + "---|" * 9
-    rows = [
-        row(size, method, [answer[method] for answer in runs if method in answer])
-        for size, runs in found.items() for method in METHODS
-    ]  # fmt: skip
-    return "\n".join([head, *rows])
+def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
+    """A line of the table; in a cell the three methods."""
+    cells = []
+    for method in METHODS:
+        told = [by_method[method] for by_method in runs if method in by_method]
+        truths = np.array([answer.truth for answer in told])
+        intervals = {
+            name: np.array([getattr(answer, name) for answer in told]) for name in ("first", "second", "oracle")
+        }
+        held = {
+            name: 100 * np.mean((ends[..., 0] <= truths) & (truths <= ends[..., 1])) for name, ends in intervals.items()
+        }
+        scores = {
+            name: np.mean([score(i, t) for i, t in zip(ends, truths, strict=True)]) for name, ends in intervals.items()
+        }
+        cells.append([
+            *(f"{held[name]:.0f}" for name in intervals), str(sum(map(silent, told))),
+            str(sum(answer.warned for answer in told)), f"{scores['second'] / scores['oracle']:.2f}",
+        ])  # fmt: skip
+    return " | ".join([f"| {label}", f"{size:g}", str(len(runs)), *map("/".join, zip(*cells, strict=True))]) + " |"
+
+
+def pairs(count: int) -> list[tuple[str, str]]:
+    """Return so many different pairs of errors, at random."""
+    generator = np.random.default_rng(FIRST)
+    every = [(a, b) for number, a in enumerate(ERRORS) for b in list(ERRORS)[number + 1 :]]
+    return [every[i] for i in sorted(generator.choice(len(every), count, replace=False))]
 
 
 def main() -> None:
@@ -124,12 +151,25 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--sizes", type=float, nargs="+", default=[0.3, 1.0, 3.0])
     parser.add_argument("--processes", type=int, default=2)
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--single", action="store_true", help="each error alone")
+    which.add_argument("--pairs", type=int, help="so many random pairs")
     arguments = parser.parse_args()
-    found = {}
+    if arguments.single:
+        cases = [(name,) for name in ERRORS]
+    else:
+        cases = pairs(arguments.pairs) if arguments.pairs else [tuple(ERRORS)]
+    print("| error | size | runs | first, % | second, % | told, % | silent | warned | score |\n|" + "---|" * 9)
     with ProcessPoolExecutor(arguments.processes) as pool:
         for size in arguments.sizes:
-            found[size] = list(pool.map(answers, range(arguments.runs), [size] * arguments.runs))
-    print(table(found))
+            every = []
+            for names in cases:
+                runs = list(pool.map(answers, range(arguments.runs), repeat(size), repeat(names)))
+                label = "all" if len(names) == len(ERRORS) else ", ".join(names)
+                print(row(label, size, runs), flush=True)
+                every += runs
+            if len(cases) > 1:
+                print(row("together", size, every), flush=True)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def _aligned(rows: np.ndarray) -> np.ndarray:
 
 
 def number(value: float) -> str:
-    """Return the shortest text that reads back as the same double, never a minus before nought.
+    """Return the shortest text that reads back as the same double, never a minus before zero.
 
     An exponent has a point before it and a sign, or YAML 1.1 and some controllers would not take it for a number.
     """

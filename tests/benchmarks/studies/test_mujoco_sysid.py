@@ -15,7 +15,7 @@ from uq.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
 
-from benchmarks.studies.mujoco_sysid import AVAILABLE, payload_by_sysid, thrown_by_sysid
+from benchmarks.studies.mujoco_sysid import AVAILABLE, body_by_sysid, payload_by_sysid, thrown_by_sysid
 
 ARM = Path(__file__).parents[3] / "docs" / "experiments" / "arm.toml"
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="mujoco[sysid] is not installed")
@@ -35,6 +35,23 @@ def test_payload_where_nothing_errs():
     steiner = body.mass * (r_cg @ r_cg * np.eye(3) - np.outer(r_cg, r_cg))[np.triu_indices(3)]
     np.testing.assert_allclose(values, [2.0, *(2.0 * r_cg), *(body.inertia + steiner)], rtol=1e-6)
     assert np.sqrt(np.diag(covariance)).max() < 1e-6
+
+
+def test_body_on_a_platform_where_nothing_errs():
+    """Newton's and Euler's equations about Q, in closed form; the start is 20 % light, and offsets are unknown."""
+    mass, r_cg = 2.0, np.array([0.01, -0.02, 0.06])
+    tensor = np.array([[9e-3, 1e-4, -2e-4], [1e-4, 8e-3, 3e-4], [-2e-4, 3e-4, 5e-3]])
+    about_q = tensor + mass * (r_cg @ r_cg * np.eye(3) - np.outer(r_cg, r_cg))
+    t = np.arange(200) / 100
+    turns = 2 * np.pi * np.array([1.0, 1.7, 2.3])
+    omega, alpha = 2 * np.sin(np.outer(t, turns)), 2 * turns * np.cos(np.outer(t, turns))
+    felt = [0.0, 0.0, 9.8] + np.cos(np.outer(t, turns[::-1]))
+    force = mass * (felt + np.cross(alpha, r_cg) + np.cross(omega, np.cross(omega, r_cg)))
+    moment = alpha @ about_q + np.cross(omega, omega @ about_q) + np.cross(mass * r_cg, felt)
+    wrench = np.hstack([force, moment]) + [2.0, -1.0, 1.0, 0.1, 0.2, -0.1]
+    nominal = Body(np.asarray(0.8 * mass), r_cg, 0.8 * tensor[np.triu_indices(3)])
+    values, _ = body_by_sysid(nominal, t, omega, alpha, felt, wrench)
+    np.testing.assert_allclose(values, [mass, *(mass * r_cg), *about_q[np.triu_indices(3)]], rtol=0, atol=1e-6)
 
 
 def test_thrown_body_by_an_integration_of_scipy():

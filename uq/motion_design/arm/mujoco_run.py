@@ -178,7 +178,21 @@ def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
     if arm.declared.floor is not None:
         floor = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1])
         floor.pos, floor.name = [0, 0, arm.declared.floor], "the floor"
-    load = last.add_body(name="payload", pos=arm.chain.tool_position, quat=quaternion)
+    add_payload(last, spec, body, pos=arm.chain.tool_position, quat=quaternion)
+    return spec
+
+
+def add_payload(carrier: Any, spec: Any, body: Body, **placed: Any) -> None:
+    """Fix the body "payload" to another one of MuJoCo's, with sensors of force and moment on it at Q.
+
+    Args:
+        carrier: body of the specification that carries it.
+        spec: the specification.
+        body: mass, centre of gravity from Q and tensor.
+        placed: ``pos`` and ``quat`` of Q and its axes on the carrier.
+    """
+    mujoco = _mujoco()
+    load = carrier.add_body(name="payload", **placed)
     load.explicitinertial = True
     load.mass, load.ipos = float(body.mass), np.asarray(body.r_cg_from_q)
     tensor = np.asarray(unpack(np.asarray(body.inertia)))
@@ -186,7 +200,6 @@ def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
     load.add_site(name="Q")
     for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="Q")
-    return spec
 
 
 def _touching(model: Any, data: Any) -> Iterator[str]:

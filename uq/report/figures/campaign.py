@@ -39,7 +39,7 @@ MARKER = 2.6**2
 """Size of a mean error's marker [pt²]."""
 ERROR_BAR: dict[str, Any] = {"fmt": "none", "ecolor": "black", "elinewidth": 0.6, "capsize": 1.2, "capthick": 0.6}
 LABELS = 8
-"""Most characters of a column's labels; of more, only nought and the outermost are written."""
+"""Most characters of a column's labels; of more, only zero and the outermost are written."""
 
 
 def contributions(cases: Mapping[str, OfCase], groups: Collection[str] = ()) -> FigureBase:
@@ -123,7 +123,7 @@ def _columns(
 
     Args:
         axes: empty.
-        values: that the columns, which are alike, must hold beside nought.
+        values: that the columns, which are alike, must hold beside zero.
         margins: below and above them, over their range.
         linear: magnitude from which the scale is logarithmic.
 

@@ -1,0 +1,183 @@
+"""Honesty: how often intervals hold the truth, and how often an answer is wrong without a word, on the same files.
+
+``python -m benchmarks.honesty [--runs N] [--csv FILE]``. The files are runs of a simulated laboratory that shares no
+code with any of the programs (tests/helpers/laboratory.py): clean ones, and those with one of its troubles, of a size
+that a laboratory may have. The experiment declares none of them. Recordings of real bodies:
+``python -m benchmarks.studies.throws``.
+
+A program joins by one function, from a recording and its experiment to what it states (:class:`Stated`), in ``PEERS``.
+"""
+
+import argparse
+import csv
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from scipy.signal import savgol_filter
+
+from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, body_by_sysid
+from benchmarks.studies.plain_regression import ORDER, WINDOW, stated_about_cg
+from benchmarks.studies.throws import holds, least_squares
+from identify.exceptions import RunError
+from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import features
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_files import document, write
+from tests.helpers.troubles import TROUBLES
+from uq.experiment.experiment import Experiment
+from uq.identification.identify_files import identify_files
+from uq.recorded.load_run import load_run
+
+CLEAN = "nothing wrong"
+WRONG = 2.0
+"""Half-widths of its interval by which a component is off where an answer counts as wrong."""
+SYSID_RATE = 100.0
+"""Of the samples that ``mujoco.sysid`` gets [Hz]: its rollout takes them one by one; the motion ends below 3 Hz."""
+
+
+class Stated(NamedTuple):
+    """What a program states of a recording: the ends of its 95 % intervals, and whether it warns or refuses."""
+
+    intervals: np.ndarray | None
+    """Of I11, I12, I13, I22, I23, I33 [kg·m²], (6, 2); None: it refuses."""
+    warned: bool
+
+
+Peer = Callable[[Path, Experiment], Stated]
+
+
+def identified(path: Path, experiment: Experiment, *, method: str, undeclared: bool) -> Stated:
+    """Return what ``inertia identify`` states: the first interval, or that with undeclared errors."""
+    try:
+        result = identify_files([path], experiment, method=method)
+    except RunError:
+        return Stated(None, True)
+    intervals = result.interval95_with_undeclared if undeclared else result.interval95
+    return Stated(result.interval95 if intervals is None else intervals, bool(result.warnings))
+
+
+def plain(path: Path, experiment: Experiment) -> Stated:
+    """Return what least squares state as users write them: central differences, columns for offsets, ``s² (XᵀX)⁻¹``."""
+    run = load_run(path, experiment.recording)
+    phi = features(run.omega.T, np.gradient(run.omega.T, 1 / run.rate, axis=1))
+    moment = run.moment - np.cross(experiment.r_cg_from_q, run.force)
+    return Stated(least_squares([phi], [moment.T], offsets=True), False)
+
+
+def by_sysid(path: Path, experiment: Experiment) -> Stated:
+    """Return what ``mujoco.sysid`` states of smoothed motion; it starts at what plain least squares find."""
+    run, (nominal, _) = load_run(path, experiment.recording), plain(path, experiment)
+    step = round(run.rate / SYSID_RATE)
+    length = 2 * round(WINDOW * run.rate / 2) + 1
+    smooth = partial(savgol_filter, window_length=length, polyorder=ORDER, axis=0, delta=1 / run.rate)
+    omega, alpha, felt = smooth(run.omega), smooth(run.omega, deriv=1), smooth(run.specific_force)
+    felt = felt - np.cross(alpha, run.imu_position) - np.cross(omega, np.cross(omega, run.imu_position))
+    body = Body(np.asarray(experiment.mass), experiment.r_cg_from_q, nominal.mean(axis=1))
+    wrench = np.hstack([run.force, run.moment])
+    ten = body_by_sysid(body, *(values[::step] for values in (run.t, omega, alpha, felt, wrench)))
+    values, half = stated_about_cg(*ten)
+    return Stated(np.stack([values - half, values + half], axis=1)[4:], False)
+
+
+PEERS: dict[str, Peer] = {
+    f"identify, {method}{', with undeclared errors' * undeclared}": partial(
+        identified, method=method, undeclared=undeclared
+    )
+    for method in ("source", "gls", "joint")
+    for undeclared in (True, False)
+} | {"plain least squares": plain}
+if AVAILABLE:
+    PEERS["mujoco.sysid"] = by_sysid
+
+
+class Judged(NamedTuple):
+    """One answer beside the truth."""
+
+    trouble: str
+    seed: int
+    peer: str
+    covered: int
+    """Components, of six, whose interval holds the truth; those of a refusal count as none."""
+    half_widths: float
+    """The largest error in half-widths of its interval; not a number where it refuses."""
+    warned: bool
+    seconds: float
+    """Processor time, without what the first run compiles."""
+
+    @property
+    def silent(self) -> bool:
+        """Whether the answer is wrong and no warning says so."""
+        return self.half_widths > WRONG and not self.warned
+
+
+def judged(trouble: str, seed: int, folder: Path) -> Iterator[Judged]:
+    """Yield each program's answer about one run of the laboratory."""
+    options = {} if trouble == CLEAN else TROUBLES[trouble].options(TROUBLES[trouble].typical, seed)
+    if trouble != CLEAN and TROUBLES[trouble].still is not None:
+        options["still"] = TROUBLES[trouble].still
+    measured = measure(seed, **options)
+    path, experiment = write(folder / "run.mcap", measured), Experiment.from_dict(document(measured))
+    for name, peer in PEERS.items():
+        began = time.process_time()
+        intervals, warned = peer(path, experiment)
+        spent = time.process_time() - began
+        covered, off = 0, np.nan
+        if intervals is not None:
+            covered = int(holds(intervals, measured.truth).sum())
+            off = float((np.abs(measured.truth - intervals.mean(axis=1)) / np.ptp(intervals, axis=1)).max() * 2)
+        yield Judged(trouble, seed, name, covered, off, warned, spent)
+
+
+def row(peer: str, answers: Sequence[Judged]) -> str:
+    """A line of the table."""
+    clean, troubled = ([a for a in answers if (a.trouble == CLEAN) == wanted] for wanted in (True, False))
+
+    def share(values: Sequence[bool]) -> str:
+        return f"{sum(values)} of {len(values)}"
+
+    cells = [
+        f"{100 * np.mean([a.covered for a in clean]) / 6:.0f}", share([a.warned for a in clean]),
+        f"{100 * np.mean([a.covered for a in troubled if np.isfinite(a.half_widths)]) / 6:.0f}",
+        share([a.half_widths > WRONG for a in troubled]), share([a.silent for a in troubled]),
+        f"{np.nanmax([a.half_widths for a in troubled if not a.warned], initial=0.0):.2g}",
+        f"{np.median([a.seconds for a in answers]):.1f}",
+    ]  # fmt: skip
+    return f"| {peer} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=1, help="with each trouble")
+    parser.add_argument("--clean", type=int, default=20, help="runs without")
+    parser.add_argument("--csv", type=Path, help="file for every answer")
+    arguments = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    if not AVAILABLE:
+        print(INSTALL)
+    answers: list[Judged] = []
+    cases = [(CLEAN, seed) for seed in range(arguments.clean)]
+    cases += [(name, seed) for name in TROUBLES for seed in range(500, 500 + arguments.runs)]
+    with tempfile.TemporaryDirectory() as folder:
+        for case in cases:
+            answers += judged(*case, Path(folder))
+    if arguments.csv:
+        with arguments.csv.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([Judged._fields, *answers])
+    print(
+        "| program | clean: covered, % | warned "
+        "| troubles: covered, % | wrong | without a warning | off by up to | seconds |"
+    )
+    print("|" + "---|" * 8)
+    for name in PEERS:
+        print(row(name, [answer for answer in answers if answer.peer == name]))
+
+
+if __name__ == "__main__":
+    main()
