@@ -25,7 +25,7 @@ from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, body_by_sysid
 from benchmarks.studies.plain_regression import ORDER, WINDOW, stated_about_cg
 from benchmarks.studies.throws import holds, least_squares
 from identify.exceptions import RunError
-from identify.rigid_body.inertia import Body
+from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import features
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, write
@@ -71,18 +71,28 @@ def plain(path: Path, experiment: Experiment) -> Stated:
 
 
 def by_sysid(path: Path, experiment: Experiment) -> Stated:
-    """Return what ``mujoco.sysid`` states of smoothed motion; it starts at what plain least squares find."""
-    run, (nominal, _) = load_run(path, experiment.recording), plain(path, experiment)
+    """Return what ``mujoco.sysid`` states of smoothed motion; it starts at what plain least squares find of that."""
+    run = load_run(path, experiment.recording)
     step = round(run.rate / SYSID_RATE)
     length = 2 * round(WINDOW * run.rate / 2) + 1
     smooth = partial(savgol_filter, window_length=length, polyorder=ORDER, axis=0, delta=1 / run.rate)
     omega, alpha, felt = smooth(run.omega), smooth(run.omega, deriv=1), smooth(run.specific_force)
     felt = felt - np.cross(alpha, run.imu_position) - np.cross(omega, np.cross(omega, run.imu_position))
-    body = Body(np.asarray(experiment.mass), experiment.r_cg_from_q, nominal.mean(axis=1))
+    moment = run.moment - np.cross(experiment.r_cg_from_q, run.force)
+    start = least_squares([features(omega.T, alpha.T)], [moment.T], offsets=True).mean(axis=1)
+    body = Body(np.asarray(experiment.mass), experiment.r_cg_from_q, possible(start))
     wrench = np.hstack([run.force, run.moment])
     ten = body_by_sysid(body, *(values[::step] for values in (run.t, omega, alpha, felt, wrench)))
     values, half = stated_about_cg(*ten)
     return Stated(np.stack([values - half, values + half], axis=1)[4:], False)
+
+
+def possible(inertia: np.ndarray) -> np.ndarray:
+    """Return a tensor that MuJoCo takes: its second moments at least a hundredth of the largest, (6,)."""
+    tensor = np.asarray(unpack(inertia))
+    moments, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
+    second = axes * np.maximum(moments, moments.max() / 100) @ axes.T
+    return (np.trace(second) * np.eye(3) - second)[np.triu_indices(3)]
 
 
 PEERS: dict[str, Peer] = {
