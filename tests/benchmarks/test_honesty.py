@@ -33,7 +33,9 @@ def test_every_program_is_asked_about_the_same_file(tmp_path, monkeypatch):
     truth = measure().truth
     said = np.stack([truth - 1.0, truth + 0.5], axis=1)
     seen = []
-    monkeypatch.setattr("benchmarks.honesty.PEERS", {"p": lambda path, experiment: (seen.append(path), said, False)[1:]})
+    monkeypatch.setattr(
+        "benchmarks.honesty.PEERS", {"p": lambda path, experiment: (seen.append(path), said, False)[1:]}
+    )
     (answer,) = judged("cable", 500, tmp_path)
     assert seen == [tmp_path / "run.mcap"]
     assert (answer.covered, answer.silent) == (6, False)
