@@ -16,7 +16,7 @@ def written(path, compression="zstd", n=200):
             writer.add_metadata(name, runs.seal(name, facts))
         streams = []
         for channel in (wrench, imu):
-            number = register(writer, runs.TYPES[type(channel)], channel.topic)
+            number = register(writer, runs._type(channel), channel.topic)
             streams.append(runs._messages(channel, number))
         for pair in zip(*streams, strict=True):
             for time, number, data, stamp, sequence in pair:
@@ -33,6 +33,6 @@ def rows(path):
         columns = pieces.arrays()
         values = [v for name, v in columns.items() if v.ndim == 2]
         keep = zip(columns["log_time"], columns["stamp"], columns["sequence"], *values, strict=True)
-        for time, stamp, sequence, left, right in keep:
-            found[topic, int(time)] = (int(stamp), int(sequence), left.tobytes(), right.tobytes())
+        for time, stamp, sequence, *numbers in keep:
+            found[topic, int(time)] = (int(stamp), int(sequence), *(row.tobytes() for row in numbers))
     return found

@@ -126,7 +126,7 @@ def test_a_full_disk_ends_the_recording_and_keeps_what_was_there(tmp_path, repea
             status, _, messages = recording.end()
         assert status == 2
         assert messages.splitlines()[-1].startswith("error: cannot write")
-        assert "free some space" in messages
+        assert "raise the limit on the size of files" in messages
         assert (folder / "run.mcap").stat().st_size <= limit
         result = recover(folder / "run.mcap", folder / "new.mcap")
         assert result.lost_bytes == 0
@@ -140,7 +140,7 @@ def test_a_disk_that_was_full_from_the_start_leaves_no_file(tmp_path):
         resource.prlimit(recording.process.pid, resource.RLIMIT_FSIZE, (100, 100))
         status, _, messages = recording.end()
     assert status == 2
-    assert messages.splitlines()[-1].endswith("nothing was recorded, free some space")
+    assert messages.splitlines()[-1].endswith("nothing was recorded, raise the limit on the size of files (ulimit -f)")
     assert not (tmp_path / "run.mcap").exists()
 
 
