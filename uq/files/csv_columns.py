@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from identify.signals.run import RunError
-from rig.exceptions import listed, quoted, reason
+from rig.exceptions import quoted, reason
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.files.table_layout import MISSING, TableLayout, layout
 
@@ -81,8 +81,6 @@ def _names(value: str | tuple[str, ...] | TomlTable | Mapping[str, str]) -> tupl
 class CsvTable:
     """Columns of a table as they stand in its file."""
 
-    name: str
-    """Name of the file."""
     layout: TableLayout
     places: dict[str, list[int]]
     """Places of the columns of each signal."""
@@ -101,18 +99,18 @@ class CsvTable:
         """
         import pandas as pd
 
-        columns = []
-        for place in self.places[signal]:
-            cells = self.frame[place]
-            values = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
-            bad = np.isinf(values) | np.isnan(values) & np.asarray(cells.notna() | complete)
-            if bad.any():
-                at = int(np.argmax(bad))
-                cell = quoted(str(cells.iloc[at]).strip()) if pd.notna(cells.iloc[at]) else "empty or NaN"
-                column, row = quoted(self.layout.written[place]), self.layout.first + at
-                raise RunError(f"column {column} in {self.name} is {cell} at row {row}: write a finite number")
-            columns.append(values)
-        return np.stack(columns, axis=1)
+        places = self.places[signal]
+        cells = self.frame[places]
+        values = cells.apply(pd.to_numeric, errors="coerce").to_numpy(float)
+        bad = np.isinf(values) | np.isnan(values) & (cells.notna().to_numpy() | complete)
+        if bad.any():
+            column, row = np.argwhere(bad.T)[0]
+            cell = quoted(str(cells.iloc[row, column]).strip()) if pd.notna(cells.iloc[row, column]) else "empty or NaN"
+            raise RunError(
+                f"column {quoted(self.layout.written[places[column]])} in {self.layout.path.name} is {cell} "
+                f"at row {self.layout.first + row}: write a finite number"
+            )
+        return values
 
 
 def read_columns(path: str | Path, columns: CsvColumns) -> CsvTable:
@@ -123,12 +121,12 @@ def read_columns(path: str | Path, columns: CsvColumns) -> CsvTable:
         RigError: it is a folder, a FIFO or a device.
         OSError: the file cannot be read.
     """
-    shape, named = layout(path, columns.delimiter, columns.decimal), Path(path).name
-    places = {key: [_place(named, shape, name) for name in names] for key, names in columns.names.items()}
-    return CsvTable(named, shape, places, read_rows(path, shape))
+    shape = layout(path, columns.delimiter, columns.decimal)
+    places = {signal: [shape.place(name) for name in names] for signal, names in columns.names.items()}
+    return CsvTable(shape, places, read_rows(shape))
 
 
-def read_rows(path: str | Path, shape: TableLayout) -> "pd.DataFrame":
+def read_rows(shape: TableLayout) -> "pd.DataFrame":
     """Read all rows of a table in a text file, the columns by their places.
 
     Raises:
@@ -143,23 +141,12 @@ def read_rows(path: str | Path, shape: TableLayout) -> "pd.DataFrame":
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a first row that is longer is cut otherwise
             return pd.read_csv(
-                path, sep=r"\s+" if shape.delimiter == " " else shape.delimiter, decimal=shape.decimal, header=None,
-                names=range(len(shape.names)), index_col=False, skiprows=shape.first - 1, skipinitialspace=True,
-                encoding=shape.encoding, encoding_errors=errors, keep_default_na=False, low_memory=False,
+                shape.path, sep=r"\s+" if shape.delimiter == " " else shape.delimiter, decimal=shape.decimal,
+                header=None, names=range(len(shape.names)), index_col=False, skiprows=shape.first - 1,
+                skipinitialspace=True, encoding=shape.encoding, encoding_errors=errors, low_memory=False,
+                keep_default_na=False,
                 na_values=sorted({word for text in MISSING for word in (text, text.upper(), text.title())} | {"NaN"}),
             )  # fmt: skip
     except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
         why = reason(str(error).removeprefix("Error tokenizing data. C error: "))
-        raise RunError(f"a row of {Path(path).name} has more cells than others ({why}): correct the table") from None
-
-
-def _place(named: str, shape: TableLayout, name: str) -> int:
-    places = shape.places.get(name.strip(), [])
-    if not places:
-        held = f"it has {listed(shape.written)}"
-        if not shape.named:
-            held = f"it names none: write their numbers, 1 to {len(shape.names)}"
-        raise RunError(f"no column {quoted(name)} in {named}: {held}")
-    if len(places) > 1:
-        raise RunError(f"{len(places)} columns {quoted(name)} in {named}: give each its own name")
-    return places[0]
+        raise RunError(f"a row of {shape.path.name} has more cells than others ({why}): correct the table") from None

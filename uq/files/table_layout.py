@@ -8,20 +8,22 @@ import codecs
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from identify.signals.run import RunError
+from rig.exceptions import listed, quoted
 from rig.read_limits import require_file
-from uq.files.units import UnitError, scale
+from uq.files.units import NUMBER, UnitError, scale
 
 SAMPLE = 2**18
 """Bytes of a file from which its layout is told."""
 ROWS = 50
 """Rows that are compared for it."""
-DELIMITERS = (",", ";", "\t", "|", " ")
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+DELIMITERS = ",;\t| "
+DECIMALS = ".,"
 MISSING = frozenset({"", "nan", "-nan", "n/a", "na", "null", "none"})
 """Cells without a value, in lower case."""
 UNIT_IN_NAME = re.compile(r"(?P<name>.*\S)\s*[\[(](?P<unit>[^\])]*)[\])]")
@@ -43,6 +45,7 @@ SPELLINGS = {
 class TableLayout:
     """Layout of a table in a text file."""
 
+    path: Path
     encoding: str
     delimiter: str
     decimal: str
@@ -59,14 +62,25 @@ class TableLayout:
     named: bool
     """Whether the file names its columns."""
 
-    @property
-    def places(self) -> dict[str, list[int]]:
-        """Places of the columns that answer to a name: as it is written, or without a unit or a comment's mark."""
-        places: dict[str, list[int]] = {}
-        for place, spellings in enumerate(zip(self.written, self.names, strict=True)):
-            for spelling in dict.fromkeys((*spellings, *(COMMENT.sub("", name) for name in spellings))):
-                places.setdefault(spelling, []).append(place)
-        return places
+    def place(self, name: str) -> int:
+        """Return the place of the column that answers to a name: as it is written, or without unit or comment's mark.
+
+        Raises:
+            RunError: there is none, or several.
+        """
+        places = [
+            place
+            for place, spellings in enumerate(zip(self.written, self.names, strict=True))
+            if name.strip() in (*spellings, *(COMMENT.sub("", spelling) for spelling in spellings))
+        ]
+        if not places:
+            held = f"it has {listed(self.written)}"
+            if not self.named:
+                held = f"it names none: write their numbers, 1 to {len(self.names)}"
+            raise RunError(f"no column {quoted(name)} in {self.path.name}: {held}")
+        if len(places) > 1:
+            raise RunError(f"{len(places)} columns {quoted(name)} in {self.path.name}: give each its own name")
+        return places[0]
 
     def unit(self, places: Sequence[int], si: str) -> str | None:
         """Return the unit that the file states of some columns; None: none, several, or none of the dimension."""
@@ -99,44 +113,43 @@ def layout(path: str | Path, delimiter: str | None = None, decimal: str | None =
         RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
+    path = Path(path)
     require_file(path)
     with open(path, "rb") as file:
         data = file.read(SAMPLE)
-    encoding, text = _decoded(data, Path(path).name)
+    encoding, text = _decoded(data, path.name)
     lines = text.splitlines()
     if len(data) == SAMPLE:
         lines.pop()  # it is cut
     # A preamble is short: the rows from the middle on are rows of numbers.
     typical = [line for line in lines[len(lines) // 2 :] if line.strip()][:ROWS]
-    pairs = [(d, m) for d in _choices(delimiter, DELIMITERS) for m in _choices(decimal, ".,") if d != m]
-    counts = {pair: _numbers_and_others(_cells(typical, pair[0]), pair[1]) for pair in pairs}
-    best = max(pairs, key=lambda pair: (counts[pair][0], -counts[pair][1]))
-    if not counts[best][0]:
-        raise RunError(f"no rows of numbers in {Path(path).name}: give a table as text (CSV), one row a sample")
-    rows = _Rows(_cells(lines, best[0]), _cells(typical, best[0]), best[1])
-    names, units, first = rows.head()
-    parts = [UNIT_IN_NAME.fullmatch(name) for name in names]
-    behind = [part["unit"] if part else "" for part in parts]
+
+    def fit(pair: tuple[str, str]) -> tuple[int, int]:
+        numbers, others = _numbers_and_others(chain.from_iterable(_cells(typical, pair[0])), pair[1])
+        return numbers, -others
+
+    best = max(((d, m) for d in delimiter or DELIMITERS for m in decimal or DECIMALS if d != m), key=fit)
+    if not fit(best)[0]:
+        raise RunError(f"no rows of numbers in {path.name}: give a table as text (CSV), one row a sample")
+    cells, alike = (_cells(part, best[0]) for part in (lines, typical))
+    width = Counter(map(len, alike)).most_common(1)[0][0]
+    names, units, first = _head(cells, [row for row in alike if len(row) == width], best[1])
+    written = names or tuple(str(i + 1) for i in range(width))
+    parts = [(UNIT_IN_NAME.fullmatch(name) or {"name": name, "unit": ""}) for name in written]
+    below = (*units, *[""] * len(written))
     return TableLayout(
-        encoding=encoding, delimiter=best[0], decimal=best[1], named=bool(names), first=first + 1,
-        names=tuple(part["name"] if part else name for part, name in zip(parts, names, strict=True)) or rows.numbers,
-        written=names or rows.numbers,
-        units=tuple(units[i] if i < len(units) and units[i] else unit for i, unit in enumerate(behind))
-        or ("",) * len(rows.numbers),
-        preamble="\n".join(lines[: max(first - bool(names) - bool(units), 0)]),
+        path=path, encoding=encoding, delimiter=best[0], decimal=best[1], written=written, named=bool(names),
+        names=tuple(part["name"] for part in parts), first=first + 1,
+        units=tuple(unit or part["unit"] for unit, part in zip(below, parts, strict=False)),
+        preamble="\n".join(lines[: first - bool(names) - bool(units)]),
     )  # fmt: skip
-
-
-def _choices(declared: str | None, usual: Sequence[str]) -> tuple[str, ...]:
-    return tuple(usual) if declared is None else (declared,)
 
 
 def _decoded(data: bytes, name: str) -> tuple[str, str]:
     """Encoding and text of a file's beginning."""
     encoding = next((encoding for mark, encoding in MARKS if data.startswith(mark)), "utf-8")
-    cut = data[: len(data) - len(data) % 2] if encoding == "utf-16" else data
     try:
-        text = codecs.getincrementaldecoder(encoding)().decode(cut)
+        text = codecs.getincrementaldecoder(encoding)().decode(data)  # it may end within a character
     except UnicodeDecodeError:
         encoding, text = "cp1252", data.decode("cp1252", "replace")
     if any(ord(character) < 32 and character not in "\t\r\n\f" for character in text):
@@ -154,51 +167,44 @@ def _cells(lines: Sequence[str], delimiter: str) -> list[list[str]]:
     return [[cell.strip() for cell in row] for row in rows]
 
 
-def _is_number(cell: str, decimal: str) -> bool:
-    return NUMBER.fullmatch(cell if decimal == "." else cell.replace(".", "x").replace(decimal, ".")) is not None
-
-
-def _numbers_and_others(rows: list[list[str]], decimal: str) -> tuple[int, int]:
-    kinds = Counter(_is_number(cell, decimal) for row in rows for cell in row if cell.lower() not in MISSING)
+def _numbers_and_others(cells: Iterable[str], decimal: str) -> tuple[int, int]:
+    """Count the cells that are numbers, and those that are neither a number nor missing."""
+    if decimal != ".":
+        cells = (cell.replace(".", "x").replace(decimal, ".") for cell in cells)
+    kinds = Counter(NUMBER.fullmatch(cell) is not None for cell in cells if cell.lower() not in MISSING)
     return kinds[True], kinds[False]
 
 
-class _Rows:
-    """Rows of cells, and what a row of numbers looks like."""
+def _head(rows: list[list[str]], alike: list[list[str]], decimal: str) -> tuple[tuple[str, ...], tuple[str, ...], int]:
+    """Names and units of the columns, () where there are none, and the index of the first row of numbers.
 
-    def __init__(self, rows: list[list[str]], typical: list[list[str]], decimal: str) -> None:
-        self.rows, self.decimal = rows, decimal
-        self.width = Counter(map(len, typical)).most_common(1)[0][0]
-        whole = [row for row in typical if len(row) == self.width]
-        columns = [[cell for cell in column if cell.lower() not in MISSING] for column in zip(*whole, strict=True)]
-        self.texts = {i for i, column in enumerate(columns) if 2 * sum(map(self._number, column)) < len(column)}
+    Args:
+        rows: all rows.
+        alike: some rows of numbers, of one width.
+        decimal: decimal mark.
+    """
+    width = len(alike[0])
+    counts = [_numbers_and_others(column, decimal) for column in zip(*alike, strict=True)]
+    texts = {i for i, (numbers, others) in enumerate(counts) if numbers < others}
 
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Names of columns that have none."""
-        return tuple(str(i + 1) for i in range(self.width))
+    def of_numbers(row: list[str]) -> bool:
+        numbers, others = _numbers_and_others((cell for i, cell in enumerate(row) if i not in texts), decimal)
+        return len(row) == width and numbers > 0 and others == 0
 
-    def head(self) -> tuple[tuple[str, ...], tuple[str, ...], int]:
-        """Names and units of the columns, () where there are none, and the index of the first row of numbers."""
-        first = next(i for i, row in enumerate(self.rows) if self._of_numbers(row))
-        while first and self._wide(first - 1) and any(map(self._number, self.rows[first - 1])):
-            first -= 1  # a row with a cell that cannot be read: a sample, no names
-        if not (first and self._wide(first - 1)):
-            return (), (), first
-        above = tuple(self.rows[first - 1])
-        if first > 1 and self._wide(first - 2) and not any(map(self._number, self.rows[first - 2])) and _units(above):
-            return tuple(self.rows[first - 2]), above, first
-        return above, (), first
+    def kind(i: int) -> str:
+        if i < 0 or len(rows[i]) < width:
+            return "short"
+        return "sample" if _numbers_and_others(rows[i], decimal)[0] else "words"
 
-    def _number(self, cell: str) -> bool:
-        return _is_number(cell, self.decimal)
-
-    def _wide(self, index: int) -> bool:
-        return len(self.rows[index]) >= self.width
-
-    def _of_numbers(self, row: list[str]) -> bool:
-        cells = [cell for i, cell in enumerate(row) if i not in self.texts and cell.lower() not in MISSING]
-        return len(row) == self.width and bool(cells) and all(map(self._number, cells))
+    first = next((i for i, row in enumerate(rows) if of_numbers(row)), len(rows))
+    while kind(first - 1) == "sample":  # it has a cell that cannot be read: no names
+        first -= 1
+    if kind(first - 1) != "words":
+        return (), (), first
+    above = tuple(rows[first - 1])
+    if kind(first - 2) == "words" and _units(above):
+        return tuple(rows[first - 2]), above, first
+    return above, (), first
 
 
 def _units(cells: Sequence[str]) -> bool:

@@ -2,9 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,48 +16,21 @@ from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.document import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.units import scale
-from uq.recorded.declared_channels import EQUAL, declared
+from uq.recorded.declared_channels import declared
 from uq.tables.table_map import MOTIONS, WRENCH, Map
 from uq.tables.table_samples import DeclaredTable, TableSamples, as_recording, silenced
 
 
-@dataclass(frozen=True)
-class Imported:
-    """A table that was written as a run."""
-
-    path: Path
-    """Path of the MCAP file."""
-    samples: int
-    """Number of samples of the wrench."""
-    motion_samples: int
-    """Number of samples of the motion."""
-    assumptions: tuple[str, ...]
-    """Assumptions about what the map does not state."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content as plain values."""
-        counts = {"samples": self.samples, "motion_samples": self.motion_samples}
-        return {"path": str(self.path), **counts, "assumptions": list(self.assumptions)}
-
-    def __repr__(self) -> str:
-        notes = [f"assumed: {text}" for text in self.assumptions]
-        count = f"{self.samples:,} samples"
-        if self.motion_samples != self.samples:
-            count += f" of the wrench and {self.motion_samples:,} of the motion"
-        return "\n".join(map(on_one_line, [f"{count} written to {self.path}", *notes]))
-
-
-def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path, *, overwrite: bool = False) -> Imported:
+def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) -> str:
     """Write tables of samples as a run of ours: SI units, the wrench on the body at Q, body frame.
 
     Args:
         paths: a table in a text file, one row a sample; or two that are joined by their times.
         mapping: what their columns mean.
         output: the MCAP file to write.
-        overwrite: replace an existing file.
 
     Returns:
-        What was written, and what was assumed.
+        What was written, and what was assumed, for a reader.
 
     Raises:
         ExperimentError: the map does not fit the tables.
@@ -78,10 +49,11 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path, 
     loads, motion = cell.samples(WRENCH), sensor.samples(signals)
     _check_overlap(cell, loads.stamp, sensor, motion.stamp)
     zero = min(0, int(loads.stamp.min()), int(motion.stamp.min()))
-    force, moment = (values / cell.counts.get(key, 1.0) for key, values in zip(WRENCH, loads.values, strict=True))
     nothing = np.zeros((len(motion.stamp), 3))
-    turning = signals[0] == MOTIONS[0]
-    raw = as_recording(cell.path, force, moment, *([*motion.values, nothing] if turning else [nothing, nothing])[:2])
+    turns = sensor.declared.motion == MOTIONS[0]
+    force, moment = loads.values
+    omega, acceleration = [*motion.values, nothing][:2] if turns else (nothing, nothing)
+    raw = as_recording(cell.path, force, moment, omega, acceleration)
     rig = declared(raw, silenced(conventions, set(UNITS) - {*WRENCH, *signals}))
     force, moment = rig.wrench(raw.wrench)
     wrench = WrenchChannel(
@@ -91,15 +63,25 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path, 
     channel = _motion(sensor, motion, zero, rig.motion(raw.imu)).in_order()
     cell.check_order(wrench.stamp)
     sensor.check_order(channel.stamp)
-    moved = any(
-        (source.stamp - zero != written.stamp).any() for source, written in ((loads, wrench), (motion, channel))
-    )
-    notes = (*rig.assumptions, *_sorting(moved), *dict.fromkeys((*loads.notes, *motion.notes)))
-    about = _about(
-        [table.path for table in tables], notes, channel.topic, turning=turning, accelerates=len(signals) > 1
-    )
-    write(output, wrench=wrench, imu=channel, metadata={"rig.run": about}, overwrite=overwrite)
-    return Imported(Path(output), len(wrench.stamp), len(channel.stamp), notes)
+    notes = (*rig.assumptions, *dict.fromkeys((*loads.notes, *motion.notes)))
+    frames = {wrench.topic: "force and moment on the body at Q, in B"}
+    if turns:
+        accelerates = "acceleration" in signals
+        frames[channel.topic] = "in B" if accelerates else "in B; no acceleration was imported: it is zero"
+    files = [{"file": table.path.name, "sha256": sha256(table.path)} for table in tables]
+    about = {
+        "imported": json.dumps(files if len(files) > 1 else files[0]),
+        "assumed": json.dumps(notes, ensure_ascii=False),
+        "wrench": "on_body",
+        "frames": json.dumps(frames),
+        "units": json.dumps(UNITS),
+    }
+    write(output, wrench=wrench, imu=channel, metadata={"rig.run": about})
+    count = f"{len(wrench.stamp):,} samples"
+    if len(channel.stamp) != len(wrench.stamp):
+        count += f" of the wrench and {len(channel.stamp):,} of the motion"
+    lines = [f"{count} written to {Path(output)}", *(f"assumed: {note}" for note in notes)]
+    return "\n".join(map(on_one_line, lines))
 
 
 def _conventions(mapping: Map, cell: DeclaredTable, sensor: DeclaredTable) -> RecordingTable:
@@ -109,18 +91,13 @@ def _conventions(mapping: Map, cell: DeclaredTable, sensor: DeclaredTable) -> Re
         ExperimentError: map and table contradict each other, or neither states a unit.
     """
     units = {}
-    for signal, table in (*((key, cell) for key in WRENCH), *((key, sensor) for key in (MOTIONS[0], "acceleration"))):
+    for signal in UNITS:
+        key, table = f"{signal}_unit", cell if signal in WRENCH else sensor
         if signal not in table.table.places:
             continue
-        key, stated = f"{signal}_unit", table.unit(signal)
-        units[key] = mapping.recording.unit(signal) or stated
+        units[key] = table.unit(signal, f"recording.{key}", mapping.recording.unit(signal))
         if units[key] is None and signal != "acceleration":
             raise ExperimentError(f"missing key recording.{key}: add it, {table.path.name} does not state it")
-        if stated and abs(scale(stated, UNITS[signal]) / scale(str(units[key]), UNITS[signal]) - 1) > EQUAL:
-            raise ExperimentError(
-                f"{table.path.name} states {signal.replace('_', ' ')} in {stated}, recording.{key} says {units[key]}: "
-                "correct the map"
-            )
     if sensor.declared.motion != MOTIONS[0] and mapping.recording.imu_rotation_to_body is not None:
         raise ExperimentError(
             f"recording.imu_rotation_to_body turns an angular velocity, not {sensor.declared.motion}: remove it, "
@@ -165,23 +142,3 @@ def _check_overlap(cell: DeclaredTable, loads: np.ndarray, sensor: DeclaredTable
 def _instant(stamp: int) -> str:
     """An instant for a reader: a date, or seconds where the clock does not count from 1970."""
     return f"{np.datetime64(stamp, 'ns').astype('datetime64[ms]')}" if stamp > 1e17 else f"{stamp * 1e-9:.3f} s"
-
-
-def _sorting(moved: bool) -> tuple[str, ...]:
-    return ("rows out of order are sorted by their times",) * moved
-
-
-def _about(
-    paths: Sequence[Path], assumed: tuple[str, ...], topic: str, *, turning: bool, accelerates: bool
-) -> dict[str, str]:
-    frames = {"/wrench": "force and moment on the body at Q, in B"}
-    if turning:
-        frames[topic] = "in B" if accelerates else "in B; no acceleration was imported: it is zero"
-    files = [{"file": path.name, "sha256": sha256(path)} for path in paths]
-    return {
-        "imported": json.dumps(files if len(files) > 1 else files[0]),
-        "assumed": json.dumps(assumed, ensure_ascii=False),
-        "wrench": "on_body",
-        "frames": json.dumps(frames),
-        "units": json.dumps(UNITS),
-    }

@@ -1,8 +1,7 @@
 """A map that is proposed for a table: what its names, units and numbers suggest, every guess with its reason."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from uq.files.table_layout import layout
 from uq.files.toml_text import toml_value
 from uq.files.units import scale
 from uq.tables.table_map import MOTIONS, WRENCH
-from uq.tables.table_samples import COUNTS, rate_of_coarse
+from uq.tables.table_samples import counts, rate_of_coarse
 
 AXES = {
     "acceleration": "a|acc|accel|accelerometer|acceleration|specific_force",
@@ -29,9 +28,7 @@ AXES = {
 UNLIKELY = re.compile(r"angular_acc|setpoint|target|desired|command|bias|covariance")
 """Words of names that stand for something else."""
 QUATERNION = re.compile(r"(.*_)?(q|quat|quaternion|orientation)_?(?P<axis>[wxyz])")
-JOINT = re.compile(
-    r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(?P<column>(.*_)?(actual_q|joint|position|q)_?\[?\d\]?)"
-)
+JOINT = re.compile(r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(.*_)?(actual_q|joint|position|q)_?\[?\d\]?")
 TIME = re.compile(r"(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
 COUNTER = re.compile(r"(.*_)?(packet_?counter|counter|sequence|seq)")
 RATE = re.compile(r"(?:rate|frequency)\D{1,20}?(\d+\.?\d*)", re.I)
@@ -45,35 +42,11 @@ TURNING = 20.0
 """Angular velocity that no rig of this kind reaches [rad/s]."""
 
 
-@dataclass
-class _Lines:
-    """Keys of a table of the map, each with its reason."""
-
-    keys: list[str] = field(default_factory=list)
-
-    def add(self, key: str, value: Any, why: str) -> None:
-        """Write a key."""
-        self.keys.append(f"{key} = {toml_value(value)}  # {on_one_line(why)}")
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A map that was written for tables."""
-
-    path: Path
-    tables: tuple[Path, ...]
-    output: Path
-    layouts: tuple[str, ...]
-    """Layouts by which the tables were read, for a reader."""
-
-    def __repr__(self) -> str:
-        command = f"inertia import {' '.join(map(str, self.tables))} --map {self.path} -o {self.output}"
-        lines = [*self.layouts, f"a map is proposed in {self.path}: check every line of it, then: {command}"]
-        return "\n".join(map(on_one_line, lines))
-
-
-def propose(paths: Sequence[str | Path], output: Path) -> Proposal:
+def propose(paths: Sequence[str | Path], output: Path) -> str:
     """Write a map for tables beside the run that is asked for, as RUN.map.toml.
+
+    Returns:
+        How the tables were read, and the command that imports them, for a reader.
 
     Raises:
         RunError: a table cannot be read, or its names tell no wrench or no motion.
@@ -83,56 +56,69 @@ def propose(paths: Sequence[str | Path], output: Path) -> Proposal:
     if len(paths) > 2:
         raise RigError(f"{len(paths)} tables: give one, or two that are joined by their times")
     target = output.with_suffix(".map.toml")
-    tables = [_Guess(Path(path)) for path in paths]
+    tables = [_Guess(path) for path in paths]
     _check(tables)
-    recording = _Lines()
-    recording.add("wrench", "on_body", "a guess: on_sensor, if it is the reaction; inertia inspect tells a wrong sign")
-    text = [f"# Proposed for {' and '.join(on_one_line(table.path.name) for table in tables)}: check every line."]
     if len(tables) > 1:
         tables[1].leave(tables[0])
+    columns: list[str] = []
+    recording = [
+        _line("wrench", "on_body", "a guess: on_sensor, if it is the reaction; inertia inspect tells a wrong sign")
+    ]
     for name, table in zip(("columns", "second"), tables, strict=False):
         if not table.signals:
             raise RunError(
                 f"no column of {table.path.name} is needed, or known by its name: leave it out, or write a map"
             )
-        lines = table.columns()
-        table.units(recording)
-        text += ["", f"[{name}]", *lines.keys]
-    text += ["", "[recording]", *recording.keys]
-    text += [
-        "# add wrench_rotation_to_body, imu_rotation_to_body and wrench_point if they are not the body's axes and Q"
-    ]
+        columns += [f"[{name}]", *table.columns(), ""]
+        recording += table.units()
+    text = [
+        f"# Proposed for {' and '.join(on_one_line(table.path.name) for table in tables)}: check every line.",
+        "", *columns, "[recording]", *recording,
+        "# add wrench_rotation_to_body, imu_rotation_to_body and wrench_point if they are not the body's axes and Q",
+    ]  # fmt: skip
     with replacing(target, overwrite=False) as stream:
         stream.write(("\n".join(text) + "\n").encode())
-    return Proposal(target, tuple(table.path for table in tables), output, tuple(table.told for table in tables))
+    command = f"inertia import {' '.join(str(table.path) for table in tables)} --map {target} -o {output}"
+    told = [table.told for table in tables]
+    return "\n".join(
+        map(on_one_line, [*told, f"a map is proposed in {target}: check every line of it, then: {command}"])
+    )
+
+
+def _line(key: str, value: Any, why: str) -> str:
+    """A key of the map, with its reason."""
+    return f"{key} = {toml_value(value)}  # {on_one_line(why)}"
 
 
 def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
+    found = {signal for table in tables for signal in table.signals}
     for signals, needed, cure in (
         (WRENCH, "force and moment", "give the load cell's table as well"),
         (MOTIONS, "motion", "give the IMU's table as well"),
     ):
-        if not any(signal in table.signals for table in tables for signal in signals):
-            held = listed(name for table in tables for name in table.layout.written)
+        if found.isdisjoint(signals):
+            held = listed(name for table in tables for name in table.written)
             raise RunError(f"no columns of {needed} among those of {names} ({held}): {cure}, or write a map")
 
 
 class _Guess:
     """Meaning that the columns of one table may have."""
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.layout = path, layout(path)
+    def __init__(self, path: str | Path) -> None:
+        self.layout = layout(path)
+        self.path, self.written = self.layout.path, self.layout.written
         self.plain = [re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in self.layout.names]
         self.signals: dict[str, list[int]] = {}
         self.others: dict[str, str] = {}
+        """Another group of columns that could be the signal."""
+        self.joints: dict[str, str] = {}
         self.why = "by its name"
-        self.names: dict[str, str] = {}
         if self.layout.named:
             self._by_name()
-        elif len(self.layout.names) >= 10:
+        elif len(self.written) >= 10:
             self._by_order()
-        self.table = CsvTable(path.name, self.layout, self.signals, read_rows(path, self.layout))
+        self.table = CsvTable(self.layout, self.signals, read_rows(self.layout))
 
     @property
     def told(self) -> str:
@@ -146,44 +132,39 @@ class _Guess:
     def leave(self, other: "_Guess") -> None:
         """Leave wrench or motion to another table that has it."""
         for signals in (WRENCH, (*MOTIONS, "acceleration")):
-            if any(signal in other.signals for signal in signals):
+            if not other.signals.keys().isdisjoint(signals):
                 for signal in signals:
                     self.signals.pop(signal, None)
 
-    def columns(self) -> _Lines:
-        """Return the keys of ``[columns]``."""
-        lines = _Lines()
-        self._time(lines)
+    def columns(self) -> Iterator[str]:
+        """Return the lines of ``[columns]``."""
+        yield from self._time()
         for signal, places in self.signals.items():
-            columns = [self.layout.written[place] for place in places]
-            more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
-            if signal == "quaternion":
-                lines.add(
-                    signal,
-                    dict(zip("wxyz", columns, strict=True)),
-                    f"{self.why}; from the body's frame to one at rest, z up{more}",
-                )
-            elif signal == "joints":
-                lines.add(signal, self.names, "by their names; left of each = the joint's name in the URDF")
-                lines.add("joint_unit", "rad", "a guess")
+            columns = [self.written[place] for place in places]
+            if signal == "joints":
+                yield _line(signal, self.joints, "by their names; left of each = the joint's name in the URDF")
+                yield _line("joint_unit", "rad", "a guess")
+            elif signal == "quaternion":
+                named = dict(zip("wxyz", columns, strict=True))
+                yield _line(signal, named, f"{self.why}; from the body's frame to one at rest, z up")
             else:
-                lines.add(signal, columns, f"{self.why}{more}")
-        return lines
+                more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
+                yield _line(signal, columns, f"{self.why}{more}")
 
-    def units(self, lines: _Lines) -> None:
-        """Add the units of the table's signals."""
-        counts = {kind: (unit, count) for kind, unit, count in COUNTS.findall(self.layout.preamble)}
+    def units(self) -> Iterator[str]:
+        """Return the lines of the units of the table's signals."""
+        counted = counts(self.layout.preamble)
         for signal, si in UNITS.items():
             if signal not in self.signals:
                 continue
             key, stated = f"{signal}_unit", self.layout.unit(self.signals[signal], si)
-            if counts and signal in ("force", "moment"):
-                unit, count = counts["Force" if signal == "force" else "Torque"]
-                lines.keys.append(f"# {key}: the table states {float(count):,.10g} counts in a {unit}")
+            if signal in counted:
+                count, unit = counted[signal]
+                yield f"# {key}: the table states {count:,.10g} counts in a {unit}"
             elif stated:
-                lines.add(key, stated, "as the table states")
+                yield _line(key, stated, "as the table states")
             else:
-                lines.add(key, *self._guessed_unit(signal))
+                yield _line(key, *self._guessed_unit(signal))
 
     def _by_name(self) -> None:
         groups: dict[tuple[str, str], dict[str, int]] = {}
@@ -212,15 +193,15 @@ class _Guess:
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
             match = JOINT.fullmatch(name) or JOINT.fullmatch(plain)
             if match and not UNLIKELY.search(name):
-                self.names[match["joint"] or name] = self.layout.written[place]
+                self.joints[match["joint"] or name] = self.written[place]
                 self.signals.setdefault("joints", []).append(place)
 
     def _by_order(self) -> None:
         """The usual order, where the file names no columns."""
         self.why = "a guess: the file names no columns, this is the usual order"
-        first = ("force", "moment", "angular_velocity", "acceleration")
-        for k, signal in enumerate(first[: (len(self.layout.names) - 1) // 3]):
-            self.signals[signal] = [3 * k + 1, 3 * k + 2, 3 * k + 3]
+        for k, signal in enumerate(UNITS):
+            if 3 * k + 3 < len(self.written):
+                self.signals[signal] = [3 * k + 1, 3 * k + 2, 3 * k + 3]
 
     def _guessed_unit(self, signal: str) -> tuple[str, str]:
         written = " ".join(dict.fromkeys(self.layout.units[place] for place in self.signals[signal])).strip()
@@ -239,18 +220,18 @@ class _Guess:
         unit = "deg/s" if fastest > TURNING else "rad/s"
         return unit, f"a guess by its size, {fastest:.4g} at most"
 
-    def _time(self, lines: _Lines) -> None:
+    def _time(self) -> list[str]:
+        """The lines of the time, or of the rate."""
         stated = RATE.search(self.layout.preamble)
         rate = float(stated[1]) if stated else None
         places = [i for i, name in enumerate(self.plain) if TIME.fullmatch(name)] if self.layout.named else [0]
         places.sort(key=lambda i: "header_stamp" not in self.plain[i])
         for place in places:
-            if self._time_keys(lines, place, rate):
-                return
+            if lines := self._time_of(place, rate):
+                return lines
         if rate is None:
-            lines.add("rate", "? Hz", "the table has no times that could be read: state its sample rate")
-        else:
-            lines.add("rate", f"{rate:g} Hz", f"as the lines above the table state{self._lost()}")
+            return [_line("rate", "? Hz", "the table has no times that could be read: state its sample rate")]
+        return [_line("rate", f"{rate:g} Hz", f"as the lines above the table state{self._lost()}")]
 
     def _lost(self) -> str:
         """Lost samples that a counter among the columns tells, which a rate does not."""
@@ -258,45 +239,40 @@ class _Guess:
             if COUNTER.fullmatch(name):
                 steps = np.diff(np.asarray(self.table.frame[place], float)) % 2**16
                 jumps = int((steps != 1).sum())
-                return f"; {self.layout.written[place]} jumps {jumps} times" + ": samples are missing" * (jumps > 0)
+                return f"; {self.written[place]} jumps {jumps} times" + ": samples are missing" * (jumps > 0)
         return "; samples that are missing would go unseen"
 
-    def _time_keys(self, lines: _Lines, place: int, rate: float | None) -> bool:
-        """Add the time's keys; False: the column holds no times."""
+    def _time_of(self, place: int, rate: float | None) -> list[str]:
+        """The lines of the time in a column; []: it holds no times."""
         import pandas as pd
 
-        name, sampled = self.layout.written[place], next(iter(self.signals.values()))[0]
+        name, sampled = self.written[place], next(iter(self.signals.values()))[0]
         cells = self.table.frame[place][self.table.frame[sampled].notna()].dropna()
-        numbers = pd.to_numeric(cells, errors="coerce").to_numpy(float)
-        if not len(numbers):
-            return False
-        if np.isnan(numbers).all():
-            lines.add("time", name, "by its name; dates as text")
-            return True
-        steps = np.diff(numbers)
+        times = pd.to_numeric(cells, errors="coerce").to_numpy(float)
+        if len(times) and np.isnan(times).all():
+            return [_line("time", name, "by its name; dates as text")]
+        steps = np.diff(times)
         if len(steps) < 2 or not np.isfinite(steps).all() or np.mean(steps >= 0) < 0.9 or not steps.max() > 0:
-            return False
-        if steps.min() < -0.5 * np.ptp(numbers):
+            return []
+        unit, why = self.layout.unit([place], "s"), "as the table states"
+        if steps.min() < -0.5 * np.ptp(times):
             again = self.layout.first + int(np.argmin(steps)) + 1
-            lines.keys.append(f"# time {on_one_line(name)} starts again at row {again}; the rate is that of its steps")
-            rate = rate or 1 / (float(np.median(steps)) * scale(self.layout.unit([place], "s") or "s", "s"))
-            lines.add("rate", f"{rate:.6g} Hz", f"a guess{self._lost()}")
-            return True
-        step, unit = float(np.median(steps[steps > 0])), self.layout.unit([place], "s")
-        why = "as the table states"
+            rate = rate or 1 / (float(np.median(steps)) * scale(unit or "s", "s"))
+            return [
+                f"# time {on_one_line(name)} starts again at row {again}; the rate is that of its steps",
+                _line("rate", f"{rate:.6g} Hz", f"a guess{self._lost()}"),
+            ]
         coarse = bool((steps == 0).any())
         if unit is None:
-            mean = float(np.ptp(numbers)) / len(steps)
-            unit, why = _time_unit(float(numbers[-1]), mean if coarse else step, rate)
+            step = np.ptp(times) / len(steps) if coarse else np.median(steps[steps > 0])
+            unit, why = _time_unit(float(times[-1]), float(step), rate)
         if unit is None:
-            return False
-        lines.add("time", name, self.why)
-        lines.add("time_unit", unit, why)
-        if coarse and (told := rate_of_coarse(np.maximum.accumulate(numbers) * scale(unit, "s"))):
-            lines.add(
-                "rate", f"{told:g} Hz", "the times are coarser than the samples; the roundest rate that they allow"
-            )
-        return True
+            return []
+        lines = [_line("time", name, self.why), _line("time_unit", unit, why)]
+        if coarse and (told := rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))):
+            why = "the times are coarser than the samples; the roundest rate that they allow"
+            lines.append(_line("rate", f"{told:g} Hz", why))
+        return lines
 
 
 def _time_unit(last: float, step: float, rate: float | None) -> tuple[str | None, str]:

@@ -107,9 +107,4 @@ class Map(TomlTable, frozen=True, kw_only=True):
             OSError: it cannot be read.
         """
         with in_file(path):
-            return cls.from_dict(read_document(path, "a map file")[0])
-
-    @classmethod
-    def from_dict(cls, document: dict) -> "Map":
-        """Build a map from the content of a file; see :meth:`load`."""
-        return declared_table("", document, cls)
+            return declared_table("", read_document(path, "a map file")[0], cls)

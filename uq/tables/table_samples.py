@@ -19,6 +19,7 @@ from uq.files.document import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.table_layout import known_unit
 from uq.files.units import scale
+from uq.recorded.declared_channels import EQUAL
 from uq.tables.table_map import MapColumns
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ class TableSamples(NamedTuple):
     stamp: np.ndarray
     """Instants of the rows [ns], (n,)."""
     values: list[np.ndarray]
-    """Numbers of each signal as they stand in the table, (n, columns)."""
-    notes: tuple[str, ...]
-    """Notes on the rows that are left out."""
+    """Numbers of each signal in its unit, (n, columns)."""
+    notes: list[str]
+    """Notes on rows that are left out or sorted."""
 
 
 class DeclaredTable:
@@ -52,17 +53,27 @@ class DeclaredTable:
     def __init__(self, path: str | Path, columns: MapColumns) -> None:
         self.path, self.declared = Path(path), columns
         self.table: CsvTable = read_columns(path, columns.columns)
-        stated = COUNTS.findall(self.table.layout.preamble)
-        self.counts = {SIGNALS[kind]: float(count) for kind, _, count in stated}
-        """Counts in a unit of force and moment, where the table says that it holds counts."""
-        self._units = {SIGNALS[kind]: unit for kind, unit, _ in stated}
+        self._counts = counts(self.table.layout.preamble)
 
-    def unit(self, signal: str) -> str | None:
-        """Return the unit of a signal that the table states; None: it states none."""
-        si = UNITS.get(signal, "s")
-        if signal in self._units:
-            return known_unit(self._units[signal], si)
-        return self.table.layout.unit(self.table.places[signal], si)
+    def unit(self, signal: str, key: str, declared: str | None) -> str | None:
+        """Return the unit of a signal: the map's, or that which the table states; None: neither states one.
+
+        Args:
+            signal: its key in ``[columns]``.
+            key: the map's key of the unit.
+            declared: what the map says there.
+
+        Raises:
+            ExperimentError: map and table contradict each other.
+        """
+        si, name = UNITS.get(signal, "s"), "times" if signal == "time" else signal.replace("_", " ")
+        if signal in self._counts:
+            stated = known_unit(self._counts[signal][1], si)
+        else:
+            stated = self.table.layout.unit(self.table.places[signal], si)
+        if declared and stated and abs(scale(declared, si) / scale(stated, si) - 1) > EQUAL:
+            raise ExperimentError(f"{self.path.name} states {name} in {stated}, {key} says {declared}: correct the map")
+        return declared or stated
 
     def samples(self, signals: Sequence[str]) -> TableSamples:
         """Return the rows that hold all of some signals.
@@ -71,19 +82,23 @@ class DeclaredTable:
             RunError: there are fewer than two, or a cell is no number.
             ExperimentError: the time's unit is unknown.
         """
-        values = [self.table.numbers(signal) for signal in signals]
-        complete = np.isfinite(np.hstack([self._seconds[:, None], *values])).all(axis=1)
+        values = [self.table.numbers(signal) / self._counts.get(signal, (1.0, ""))[0] for signal in signals]
+        start, seconds = self._clock
+        complete = np.isfinite(np.column_stack([seconds, *values])).all(axis=1)
         if complete.sum() < 2:
             raise RunError(f"fewer than two rows of {self.path.name} hold {' and '.join(signals)}: name other columns")
-        missing = int((~complete).sum())
-        notes = (f"{missing:,} rows of {self.path.name} without {' or '.join(signals)} are left out",) * (missing > 0)
-        stamp = self._stamps[complete]
+        stamp = start + np.round(seconds[complete] * NANOSECONDS).astype(np.int64)
         if np.diff(stamp).min() < -0.5 * np.ptp(stamp):  # before messages that overtook others are sorted
             again = int(np.argmin(np.diff(stamp))) + 1
             raise RunError(
                 f"time in {self.path.name} starts again after sample {again}: write rate instead of time, "
                 "or split the table"
             )
+        notes = []
+        if (np.diff(stamp) < 0).any():
+            notes.append("rows out of order are sorted by their times")
+        if missing := int((~complete).sum()):
+            notes.append(f"{missing:,} rows of {self.path.name} without {' or '.join(signals)} are left out")
         return TableSamples(stamp, [array[complete] for array in values], notes)
 
     def check_order(self, stamp: np.ndarray) -> None:
@@ -103,27 +118,20 @@ class DeclaredTable:
         )
 
     @cached_property
-    def _stamps(self) -> np.ndarray:
-        """Instant of each row [ns], from 1970 or another zero; of a row without time: anything."""
-        return np.nan_to_num(np.round(self._seconds * NANOSECONDS)).astype(np.int64) + self._zero
+    def _clock(self) -> tuple[int, np.ndarray]:
+        """Instant of the first row [ns], from 1970 or another zero, and seconds of each row since then, NaN for none.
 
-    @cached_property
-    def _zero(self) -> int:
-        """Instant of the first row [ns]: apart, since nanoseconds since 1970 have more digits than a double."""
-        offset = round((self.declared.time_offset or 0.0) * NANOSECONDS)
-        return offset if self.declared.time is None else offset + self._times[0]
-
-    @cached_property
-    def _seconds(self) -> np.ndarray:
-        """Seconds from the first row with a time on, NaN where there is none."""
+        They are apart, since nanoseconds since 1970 have more digits than a double.
+        """
+        start = round((self.declared.time_offset or 0.0) * NANOSECONDS)
         uniform = np.arange(len(self.table.frame)) / (self.declared.rate or 1.0)
         if self.declared.time is None:
-            return uniform
-        seconds = self._times[1]
-        if self.declared.rate is not None:
-            self._check_rate(seconds, uniform)
-            return uniform
-        return seconds
+            return start, uniform
+        first, seconds = self._times()
+        if self.declared.rate is None:
+            return start + first, seconds
+        self._check_rate(seconds, uniform)
+        return start + first, uniform
 
     def _check_rate(self, seconds: np.ndarray, uniform: np.ndarray) -> None:
         """Refuse a rate that coarse times contradict: samples are missing, or the rate is another."""
@@ -136,20 +144,21 @@ class DeclaredTable:
                 f"(the times tell some {mean:.6g} Hz), or the table, which may lack samples"
             )
 
-    @cached_property
     def _times(self) -> tuple[int, np.ndarray]:
         """Instant of the first row [ns], and seconds of each since then."""
         import pandas as pd
 
         name, cells = self.path.name, self.table.frame[self.table.places["time"][0]]
-        if isinstance(cells.dtype, np.dtype) and cells.dtype.kind in "iuf":
-            unit = self._time_unit()
-        elif (values := pd.to_numeric(cells, errors="coerce")).isna().all():
-            cells, unit = _dates(cells, name, self.table.layout.first), "ns"
+        times = pd.to_numeric(cells, errors="coerce")
+        if times.isna().all() and cells.notna().any():
+            times = _dates(cells, name, self.table.layout.first)
+            unit: str | None = "ns"
         else:
             self.table.numbers("time")  # it says which cell is no number
-            cells, unit = values, self._time_unit()
-        known = cells[cells.notna()]
+            unit = self.unit("time", "columns.time_unit", self.declared.time_unit)
+        if unit is None:
+            raise ExperimentError('columns.time_unit belongs to a time column: add it, such as time_unit = "s"')
+        known = times.dropna()
         if not len(known):
             raise RunError(f"no times in column {quoted(str(self.declared.time))} of {name}: write rate instead")
         factor, start = scale(unit, "s"), known.iloc[0]
@@ -159,17 +168,16 @@ class DeclaredTable:
         nanoseconds = round(factor * NANOSECONDS)
         exact = nanoseconds >= 1 and isinstance(start, (int, np.integer))
         first = int(start) * nanoseconds if exact else round(float(start) * factor * NANOSECONDS)
-        return first, np.asarray((cells - start) * factor, float)
+        return first, np.asarray((times - start) * factor, float)
 
-    def _time_unit(self) -> str:
-        declared, stated = self.declared.time_unit, self.unit("time")
-        if declared is None and stated is None:
-            raise ExperimentError('columns.time_unit belongs to a time column: add it, such as time_unit = "s"')
-        if declared and stated and abs(scale(declared, "s") / scale(stated, "s") - 1) > 1e-9:
-            raise ExperimentError(
-                f"{self.path.name} states times in {stated}, columns.time_unit says {declared}: correct the map"
-            )
-        return declared or str(stated)
+
+def counts(preamble: str) -> dict[str, tuple[float, str]]:
+    """Return counts in a unit, and this unit as it is written, of force and moment; {}: a table holds no counts.
+
+    Args:
+        preamble: the lines above the table.
+    """
+    return {SIGNALS[kind]: (float(count), unit) for kind, unit, count in COUNTS.findall(preamble)}
 
 
 def rate_of_coarse(t: np.ndarray) -> float | None:

@@ -195,6 +195,12 @@ def test_a_table_that_tells_nothing_is_named(tmp_path, values, capsys, first):
     assert "no column of junk.csv is needed" in capsys.readouterr().err
 
 
+def test_a_table_without_a_whole_row_of_numbers_is_one_line(tmp_path, capsys):
+    (tmp_path / "t.csv").write_text("1,a\nb,2\n" * 30)
+    assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
+    assert "no columns of force and moment among those of t.csv (1, 2)" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["run.csv", "run.npz", "run.xlsx", "run.mat"])
 def test_a_table_in_place_of_a_recording_is_told_the_command(tmp_path, capsys, name):
     (tmp_path / name).write_bytes(b"PK\x03\x04")
