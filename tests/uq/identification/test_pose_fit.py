@@ -82,7 +82,7 @@ def test_the_platforms_pose_tells_the_attitude_and_the_pose_that_creeps_is_left_
     np.testing.assert_allclose(result.r_cg, R_CG, atol=5e-4)
     assert "pose 4 (12.4 to 14" in result.warnings[0]
     assert "left out: within it the force changes by" in result.warnings[0]
-    assert "the z axis of the recorded poses' frame points up" in result.assumptions
+    assert "the z axis of the frame to which the attitudes refer points up" in result.assumptions
 
 
 def test_a_centre_is_read_back_as_it_was(tmp_path, generator):
