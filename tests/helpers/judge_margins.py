@@ -98,7 +98,7 @@ def _of_conventions(measured):
               for hypothesis in conventions.hypotheses()]  # fmt: skip
     narrow = conventions.scales(sums, weight=True, terms=MOMENT_TERMS)
     turn, chi_square = conventions.misalignment(sums, narrow)
-    parts = [np.sqrt(variance / rotation_findings._changes(sums, columns))
+    parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
     declared = wrench_findings.DeclaredRig(measured.mass, measured.r_cg, np.full(3, 1.5e-4))
     examination = wrench_findings._Examination(sums, declared, "", "")

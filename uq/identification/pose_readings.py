@@ -29,25 +29,27 @@ def pose_readings(
     assert poses is not None  # noqa: S101 - the table was read by it
     gravity = recording.gravity_of_poses
     gravity = experiment.gravity / np.linalg.norm(gravity) * gravity
+    # of each choice: words, the key that declares it, the value; as declared first
+    other = OTHER[str(poses.takes)]
+    directions = ("", "", str(poses.takes)), ("taken the other way", f'takes = "{other}" in [poses]', other)
+    downs = ("", "", gravity), ("with gravity along other axes", "urdf_gravity = [{gravity}] in [recording]", None)
+    frames = _frames(at_rest=recording.turns_back)
     readings = []
-    for (how, cure, reading, order), (frame, frame_cure, at_rest) in product(
-        _attitudes(poses), _frames(at_rest=recording.turns_back)
-    ):
-        if frame and reading.takes != poses.takes:  # the same as gravity along other axes, weight and zero swapped
+    for order, direction, frame, down in product(_orders(poses), directions, frames, downs):
+        if frame[0] and direction[0]:  # the same as gravity along other axes, weight and zero swapped
             continue
+        reading, columns = order[2]
         try:
-            to_rest = rotations(values[:, order], reading, name) @ to_body.T
+            to_rest = rotations(values[:, columns], msgspec.structs.replace(reading, takes=direction[2]), name)
         except RunError:
             continue
-        for leaning in (False, True):
-            hows = list(filter(None, [*how, frame, "with gravity along other axes" if leaning else ""]))
-            cures = filter(None, [*cure, frame_cure, "urdf_gravity = [{gravity}] in [recording]" if leaning else ""])
-            readings.append(
-                PoseReading(
-                    how=" and ".join(hows), cure="set " + " and ".join(cures), to_rest=to_rest, at_rest=at_rest,
-                    gravity=None if leaning else gravity, changes=len(hows),
-                )
-            )  # fmt: skip
+        changed = [(how, cure) for how, cure, _ in (order, direction, frame, down) if how]
+        readings.append(
+            PoseReading(
+                how=" and ".join(how for how, _ in changed), cure="set " + " and ".join(cure for _, cure in changed),
+                to_rest=to_rest @ to_body.T, at_rest=frame[2], gravity=down[2], changes=len(changed),
+            )
+        )  # fmt: skip
     return tuple(readings)
 
 
@@ -58,26 +60,17 @@ def _frames(*, at_rest: bool) -> tuple[tuple[str, str, bool], ...]:
     return ("", "", False), ("with the wrench along axes at rest", 'wrench_frame = "base" in [recording]', True)
 
 
-def _attitudes(poses: Poses) -> Iterator[tuple[tuple[str, ...], tuple[str, ...], Poses, list[int]]]:
-    """Other declarations of the attitude, each with words, keys, and the order of the columns."""
-    other = OTHER[str(poses.takes)]
-    for how, cure, reading, order in _orders(poses):
-        yield (how,), (cure,), reading, order
-        taken = msgspec.structs.replace(reading, takes=other)
-        yield (how, "taken the other way"), (cure, f'takes = "{other}" in [poses]'), taken, order
-
-
-def _orders(poses: Poses) -> Iterator[tuple[str, str, Poses, list[int]]]:
-    """Other orders of a quaternion's components, or other conventions of angles."""
+def _orders(poses: Poses) -> Iterator[tuple[str, str, tuple[Poses, list[int]]]]:
+    """Orders of a quaternion's components, or conventions of angles, those declared first."""
     columns = poses.columns.names[str(poses.attitude)]
     declared = list(range(len(columns)))
-    yield "", "", poses, declared
+    yield "", "", (poses, declared)
     if poses.quaternion is not None:  # w stands first where others have it last
         for order in ([3, 0, 1, 2], [1, 2, 3, 0]):
             by_component = ", ".join(f'{name} = "{columns[k]}"' for name, k in zip("wxyz", order, strict=True))
             cure = f"quaternion = {{ {by_component} }} in [poses]"
-            yield "with the quaternion's components in another order", cure, poses, order
+            yield "with the quaternion's components in another order", cure, (poses, order)
     if poses.euler is not None:
         for axes in sorted({*CONVENTIONS.values(), "zyx"} - {str(poses.euler_convention)}):
             cure = f'euler_convention = "{axes}" in [poses]'
-            yield f"with angles about {axes}", cure, msgspec.structs.replace(poses, euler_convention=axes), declared
+            yield f"with angles about {axes}", cure, (msgspec.structs.replace(poses, euler_convention=axes), declared)

@@ -6,9 +6,11 @@ import numpy as np
 
 from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions.declared_rig import DeclaredRig
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
-from identify.judge.conventions.imu_findings import imu_findings
-from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
+from identify.judge.conventions.imu_conventions import imu_findings
+from identify.judge.conventions.wrench_findings import wrench_findings
+from identify.judge.findings import Contradiction
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import TopicFinding
@@ -29,6 +31,11 @@ def experiment_findings(
         turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``. A
             turn within a declared misalignment is none anyway.
     """
+    found = _contradictions(run, experiment, undone=undone, turn_free=turn_free)
+    return [TopicFinding(*contradiction) for contradiction in found]
+
+
+def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Contradiction]:
     usable = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
     time = run.t[usable]
     if len(time) < 10:
@@ -39,18 +46,17 @@ def experiment_findings(
     imu = ImuSignal(time - delay, run.omega[usable], specific[usable])
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name):
-        return [TopicFinding(*contradiction) for contradiction in clocks]
+        return clocks
     attitude = _attitude(run, experiment, usable)
-    rig = replace(_declared(run, experiment, undone=undone), turn=_sigma_turn(experiment, turn_free=turn_free))
+    rig = _declared(run, experiment, undone=undone, turn_free=turn_free)
     if run.specific_force is None:
         told = attitude is not None and attitude.gravity is not None
-        alone = run_gravity(wrench, imu, attitude, rig.weight, run.name).findings if told else []
-        return [TopicFinding(*contradiction) for contradiction in alone]
-    from_imu = [TopicFinding(*contradiction) for contradiction in imu_findings(imu, run.name)]
+        return run_gravity(wrench, imu, attitude, rig, run.name).findings if told else []
+    from_imu = list(imu_findings(imu, run.name))
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
-    return [*from_imu, *(TopicFinding(*contradiction) for contradiction in together)]
+    return [*from_imu, *together]
 
 
 def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal | None:
@@ -62,11 +68,10 @@ def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal
     return AttitudeSignal(
         to_rest=run.attitude[usable], gravity=run.gravity, source=source,
         turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest,
-        wrench_rotation=recording.wrench_rotation_to_body,
     )  # fmt: skip
 
 
-def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:
+def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> DeclaredRig:
     """Return the experiment's declarations on the body and on the recording."""
     recording = experiment.recording
     removed = recording.removes_weight and not undone
@@ -82,6 +87,7 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool) -> DeclaredRig:
         wrench_rotation=recording.wrench_rotation_to_body,
         imu_rotation=recording.imu_rotation_to_body,
         weighed=recording.zero != "loaded" and not removed,
+        turn=_sigma_turn(experiment, turn_free=turn_free),
     )
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
-from identify.judge.conventions.imu_findings import imu_findings
-from identify.judge.conventions.wrench_findings import DeclaredRig, wrench_findings
+from identify.judge.conventions.declared_rig import DeclaredRig
+from identify.judge.conventions.imu_conventions import imu_findings
+from identify.judge.conventions.wrench_findings import wrench_findings
 from rig.channels import ImuChannel, WrenchChannel
 from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding
 from rig.inspection.inspect import Inspection, inspect

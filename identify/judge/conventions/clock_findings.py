@@ -27,7 +27,10 @@ FITS = 0.1
 Choice: ten times what a good fit leaves.
 """
 LONGEST_DELAY = 10.0
-"""Delay that method ``joint`` takes [s]."""
+"""Delay from which none is named that method ``joint`` could take [s].
+
+Definition: the limit of ``delay`` in an experiment file.
+"""
 BETTER = 2.0
 """Factor by which the log's times must lower what is left.
 
@@ -61,7 +64,7 @@ def _left(sums: ConventionSums | None) -> float:
         return np.inf
     fits = [(MOMENT, MOMENT_TERMS)] + [(FORCE, FORCE_TERMS)] * (sums.size(SPECIFIC) > 0)
     parts = [
-        convention_fit.variance_left(sums, terms, columns) / max(float(np.trace(sums.covariance(columns))) / 3, 1e-18)
+        convention_fit.variance_left(sums, terms, columns) / max(float(sums.changes(columns)), 1e-18)
         for columns, terms in fits
     ]
     return float(np.sqrt(np.mean(parts)))

@@ -32,6 +32,12 @@ LEAST_MISFIT = 0.01
 
 Choice: no sensor is believed to be better than 1 %.
 """
+NOT_RIGID = 0.15
+"""Part of force's or moment's changes above which what is left over is due to no rigid body.
+
+Choice: hands on the body are not judged. In 40 clean runs 0.01, the least that a fit may leave
+(``tests.helpers.judge_margins``).
+"""
 ROWS, COLUMNS = np.triu_indices(3)
 UNPACKED = unpack(np.arange(6.0)).astype(int)  # where the entries of a tensor stand among its packed ones
 
@@ -114,10 +120,9 @@ def variance_left(sums: ConventionSums, terms: Terms, answer: slice) -> float:
 
     The least of several sums.
     """
-    changes = np.trace(sums.covariance(answer), axis1=-2, axis2=-1) / 3
     misfit = solve(sums, terms, answer, variance=1.0).misfit / (3 * sums.instants)
     free = max(1 - len(terms) / (3 * sums.instants), 0.1)
-    return max(float(np.maximum(misfit / free, LEAST_MISFIT**2 * changes).min()), 1e-18)
+    return max(float(np.maximum(misfit / free, LEAST_MISFIT**2 * sums.changes(answer)).min()), 1e-18)
 
 
 def negativity(fit: ConventionFit) -> Float[np.ndarray, "*m"]:

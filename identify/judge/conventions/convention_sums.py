@@ -96,6 +96,10 @@ class ConventionSums:
         mean = self.mean(columns)
         return self.gram[..., columns, columns] - mean[..., :, None] * mean[..., None, :]
 
+    def changes(self, columns: slice) -> Float[np.ndarray, "*m"]:
+        """The variance of a vector over the run, per component."""
+        return np.asarray(np.trace(self.covariance(columns), axis1=-2, axis2=-1) / 3)
+
     def size(self, columns: slice) -> float:
         """The root mean square of a vector's size, of sums without leading axes."""
         return float(np.sqrt(max(np.trace(self.gram[columns, columns]), 0.0)))

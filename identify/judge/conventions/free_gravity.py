@@ -16,16 +16,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-EXPLAINED = 0.15
-"""Part of the force's changes that the best fit may leave, root mean square, for anything to be named.
+from identify.judge.conventions.convention_fit import LEAST_MISFIT, NOT_RIGID
 
-Choice: hands on the body are not judged; the same as ``rotation_findings.NOT_RIGID``.
-"""
-LEAST_MISFIT = 0.01
-"""Part of the force's changes that every fit leaves at least.
-
-Choice: no sensor is believed to be better than 1 %.
-"""
 YAWS = 24
 """Turns about the vertical that are tried where the axes at rest are not those of the wrench.
 
@@ -73,11 +65,6 @@ class GravityFit:
         """The vector p [N]."""
         return self.values[1:4]
 
-    @property
-    def zero(self) -> Float[np.ndarray, "3"]:
-        """The zero F0 [N]."""
-        return self.values[-3:]
-
 
 @dataclass(frozen=True, eq=False)
 class PosedForce:
@@ -116,6 +103,15 @@ class PosedForce:
     def independent_values(self) -> float:
         """Number of independent components of force."""
         return self.independent * self._answer.size
+
+    def explained(self, fit: GravityFit) -> bool:
+        """Whether a rigid body explains the force, so that something may be named."""
+        return fit.misfit < NOT_RIGID**2 * self.changes
+
+    def excess(self, fit: GravityFit, best: GravityFit) -> float:
+        """Chi-square of a fit over that of the best one."""
+        variance = max(best.misfit, LEAST_MISFIT**2 * self.changes)
+        return (fit.misfit - best.misfit) * self.independent_values / variance
 
     def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:
         """Fit the force.

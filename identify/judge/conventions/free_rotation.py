@@ -20,7 +20,7 @@ from identify.judge.conventions.conventions import (
     scales,
     signed_axes,
 )
-from identify.rigid_body.rotation import exponential
+from identify.rigid_body.rotation import exponential, rotation_vectors
 
 BETWEEN = np.radians(35.0)
 """Angle from a signed order of the axes to the grid's points about it [rad].
@@ -68,12 +68,7 @@ class FreeRotation:
     @property
     def vector(self) -> Float[np.ndarray, "3"]:
         """The rotation vector [rad]."""
-        angle = float(np.arccos(np.clip((np.trace(self.matrix) - 1) / 2, -1.0, 1.0)))
-        values, vectors = np.linalg.eigh(self.matrix + self.matrix.T)
-        axis = vectors[:, int(np.argmax(values))]
-        skew = self.matrix - self.matrix.T
-        sense = axis @ np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-        return angle * axis * (-1.0 if sense < 0 else 1.0)
+        return rotation_vectors(self.matrix[None])[0]
 
     @property
     def standard_uncertainty(self) -> float:
@@ -90,8 +85,7 @@ class FreeRotation:
         """The signed order of axes, right-handed, that is nearest, and the angle to it [rad]."""
         proper = [matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0]
         nearest = max(proper, key=lambda matrix: float(np.trace(matrix.T @ self.matrix)))
-        cosine = (float(np.trace(nearest.T @ self.matrix)) - 1) / 2
-        return nearest, float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        return nearest, float(np.linalg.norm(rotation_vectors((nearest.T @ self.matrix)[None])))
 
 
 def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: Terms = MOMENT_TERMS) -> FreeRotation:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.judge.conventions.convention_sums import (
     SMOOTHING,
@@ -20,9 +19,10 @@ from identify.judge.conventions.convention_sums import (
     smoothed,
 )
 from identify.judge.conventions.conventions import COSTS, DECISIVE, EQUAL
-from identify.judge.conventions.free_gravity import EXPLAINED, LEAST_MISFIT, GravityFit, PosedForce, Rotations
-from identify.judge.conventions.removed_weight import LEAST_WEIGHT
-from identify.judge.conventions.rotation_findings import COVERAGE, axes_text
+from identify.judge.conventions.declared_rig import DeclaredRig, Vector
+from identify.judge.conventions.free_gravity import GravityFit, PosedForce, Rotations
+from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT
+from identify.judge.conventions.rotation_findings import COVERAGE, axes_text, compound
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 from identify.rigid_body.rotation import exponential
@@ -38,13 +38,8 @@ LEAST_SHARE = 0.1
 
 Choice: gain and mass together are better.
 """
-CERTAIN = 6.0
-"""Standard deviations from which an angle or a part of the weight is certain.
-
-Chance: 2e-9 of a normal distribution.
-"""
 MASS_OVER_SIGMA = 8.0
-"""Mass by the specific force, in standard deviations, from which it is believed.
+"""Mass by the force's changes, in standard deviations, from which they determine it.
 
 Choice: the part that is missing is then good to an eighth.
 """
@@ -59,8 +54,6 @@ AXIS = np.radians(0.3)
 Choice: a plumb line is no better.
 """
 
-Vector = Float[np.ndarray, "3"]
-Reading = Literal["plain", "gravity", "sensor", "frame"]
 Source = Literal["joints", "poses", "quaternion", "gyro"]
 READINGS = {
     "gravity": "gravity along other axes at rest",
@@ -83,20 +76,6 @@ class AttitudeSignal:
     """Whether the wrench was declared along axes at rest, and turned back already."""
     zero_at_rest: bool = False
     """Whether the load cell's zero was declared constant along the axes at rest."""
-    wrench_rotation: Float[np.ndarray, "3 3"] | None = None
-    """Declared rotation of the recorded wrench before the attitude turns it back; None: none."""
-
-
-@dataclass(frozen=True)
-class DeclaredWeight:
-    """Declarations on the weight in the force."""
-
-    mass: float | None = None
-    """Mass of the body [kg]; None: not declared."""
-    removed: float = 0.0
-    """Mass whose weight the driver removed [kg]."""
-    put_back: bool = False
-    """Whether that weight was put back already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,25 +83,10 @@ class GravityVerdict:
     """Findings by the weight, and how the signals are to be read after them."""
 
     findings: list[Contradiction] = field(default_factory=list)
-    reading: Reading = "plain"
-    yaw: float = 0.0
-    """Turn about the vertical from the attitude's axes at rest to those of the wrench [rad]."""
     gravity: Vector | None = None
     """Gravity along the axes at rest as the weight shows it [m/s²]; None: as declared."""
     final: bool = False
     """Whether nothing else can be judged before this is cured."""
-
-
-def gravity_verdict(posed: PosedForce, attitude: AttitudeSignal, weight: DeclaredWeight, topic: str) -> GravityVerdict:
-    """Judge the force of a run by its attitudes.
-
-    Args:
-        posed: force, specific force and attitudes of the run as declared.
-        attitude: what is declared of the attitudes.
-        weight: what is declared of the weight in the force.
-        topic: of the load cell.
-    """
-    return _Judgement(posed, attitude, weight, topic).verdict()
 
 
 LONGEST = 300.0
@@ -133,11 +97,16 @@ Choice: memory; more tell nothing new of the axes.
 
 
 def run_gravity(
-    wrench: WrenchSignal, imu: ImuSignal, attitude: AttitudeSignal | None, weight: DeclaredWeight, topic: str
+    wrench: WrenchSignal, imu: ImuSignal, attitude: AttitudeSignal | None, declared: DeclaredRig, topic: str
 ) -> GravityVerdict:
     """Judge the force of a recorded run; without an attitude by that of gyro and accelerometer.
 
-    Both signals in B and SI, the attitude at the IMU's instants.
+    Args:
+        wrench: in B and SI.
+        imu: the same.
+        attitude: at the IMU's instants, and what is declared of it.
+        declared: of body and rig.
+        topic: of the load cell.
     """
     step = float(np.median(np.diff(imu.time)))
     within = slice(0, int(LONGEST / step))
@@ -156,11 +125,11 @@ def run_gravity(
         levers=levers, smooth=partial(smoothed, step),
         independent=STEP / WINDOW,
     )  # fmt: skip
-    return gravity_verdict(posed, attitude, weight, topic)
+    return _Judgement(posed, attitude, declared, topic).verdict()
 
 
 class _Judgement:
-    def __init__(self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredWeight, topic: str) -> None:
+    def __init__(self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredRig, topic: str) -> None:
         self.posed, self.attitude, self.declared, self.topic = posed, attitude, declared, topic
         self.plain, self.free = posed.fit(lift=False), posed.fit()
 
@@ -168,24 +137,18 @@ class _Judgement:
         """The finding on the most likely reading, and what fits as well."""
         if self.attitude.zero_at_rest:  # it takes up whatever gravity would show
             return GravityVerdict(final=True)
-        explained = self.plain.misfit < EXPLAINED**2 * self.posed.changes
-        if self.posed.changes <= 0 or (explained and not self._worse(self.plain, self.free)):
+        posed, plain, free = self.posed, self.plain, self.free
+        if posed.changes <= 0 or (posed.explained(plain) and posed.excess(plain, free) <= DECISIVE):
             return GravityVerdict()
-        if self.attitude.turned_back and self._zero_at_rest():
-            text = ", ".join(fixed(value, 1) for value in self.free.lift)
-            return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], "gravity", final=True)
+        if self.attitude.turned_back and posed.excess(posed.fit(zero=False), free) < EQUAL:  # p is the zero
+            text = ", ".join(fixed(value, 1) for value in free.lift)
+            return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], final=True)
         other, yaw = self._other_frame()
-        fits = {
-            "plain": self.plain,
-            "gravity": self.free,
-            "sensor": self.posed.fit(lift=False, turned=True),
-            "frame": other.fit(),
-        }
+        fits = {"plain": plain, "gravity": free, "sensor": posed.fit(lift=False, turned=True), "frame": other.fit()}
         best = min(fits.values(), key=lambda fit: fit.misfit)
-        if best.misfit > EXPLAINED**2 * self.posed.changes:
+        if not posed.explained(best):
             return GravityVerdict()
-        costs = {"plain": 0.0, "gravity": COSTS["turned"], "sensor": COSTS["turned"], "frame": COSTS["turned"]}
-        scores = {name: self._chi_square(fit, best) + costs[name] for name, fit in fits.items()}
+        scores = {name: posed.excess(fit, best) + COSTS["turned"] * (fit is not plain) for name, fit in fits.items()}
         least = min(scores.values())
         if scores["plain"] < least + DECISIVE:
             return GravityVerdict()
@@ -193,22 +156,10 @@ class _Judgement:
         rivals = [READINGS[name] for name in likely[1:]]
         doubt = f"; {' or '.join(rivals)} fits as well" if rivals else ""
         if likely[0] == "frame":
-            return self._frame(other, fits["frame"], yaw, doubt)
-        return self._gravity(self.free, doubt) if likely[0] == "gravity" else GravityVerdict()
-
-    def _chi_square(self, fit: GravityFit, best: GravityFit) -> float:
-        variance = max(best.misfit, LEAST_MISFIT**2 * self.posed.changes)
-        return float(fit.misfit * self.posed.independent_values / variance)
-
-    def _worse(self, fit: GravityFit, than: GravityFit) -> bool:
-        return self._chi_square(fit, than) > self._chi_square(than, than) + DECISIVE
+            return self._frame(yaw, doubt)
+        return self._gravity(free, doubt) if likely[0] == "gravity" else GravityVerdict()
 
     # Axes of the wrench
-
-    def _zero_at_rest(self) -> bool:
-        """Whether the force, turned back, has a zero along axes at rest and none along the sensor's."""
-        alone = self.posed.fit(zero=False)
-        return self._chi_square(alone, self.free) < self._chi_square(self.free, self.free) + EQUAL
 
     def _other_frame(self) -> tuple[PosedForce, float]:
         """The force along the axes of the other kind, and the yaw between axes at rest."""
@@ -217,21 +168,20 @@ class _Judgement:
         yaw = self.posed.best_yaw()
         return self.posed.turned_back(yaw), yaw
 
-    def _frame(self, posed: PosedForce, fit: GravityFit, yaw: float, doubt: str) -> GravityVerdict:
+    def _frame(self, yaw: float, doubt: str) -> GravityVerdict:
         if self.attitude.turned_back:
-            return GravityVerdict([Finding.WRENCH_TURNS.on(self.topic, doubt=doubt)], "frame", final=True)
+            return GravityVerdict([Finding.WRENCH_TURNS.on(self.topic, doubt=doubt)], final=True)
         lines = 'set wrench_frame = "base" in [recording]'
         if abs(yaw) > LEAST_YAW:
             turn = exponential(np.array([0.0, 0.0, self._near_right_angle(yaw)]))
-            before = turn if self.attitude.wrench_rotation is None else turn @ self.attitude.wrench_rotation
-            lines = lines.replace("in [rec", f"and wrench_rotation_to_body = {axes_text(np.round(before, 9))} in [rec")
+            axes = axes_text(np.round(compound(turn, self.declared.wrench_rotation), 9))
+            lines = lines.replace("in [rec", f"and wrench_rotation_to_body = {axes} in [rec")
         if self.attitude.source == "gyro":
             lines = (
                 "record joint states, poses or a quaternion, which turn it back with wrench_frame = "
                 '"base" in [recording], or the wrench in the sensor\'s frame'
             )
-        findings = [Finding.WRENCH_AT_REST.on(self.topic, doubt=doubt, lines=lines)]
-        return GravityVerdict(findings, "frame", yaw, final=True)
+        return GravityVerdict([Finding.WRENCH_AT_REST.on(self.topic, doubt=doubt, lines=lines)], final=True)
 
     def _near_right_angle(self, yaw: float) -> float:
         right = np.pi / 2 * round(yaw / (np.pi / 2))
@@ -258,7 +208,7 @@ class _Judgement:
             shown = along_axis(-weight / length, 3 * spread) * size
             degrees = with_uncertainty(np.degrees(angle), COVERAGE * np.degrees(spread))
             found = Finding.GRAVITY_ELSEWHERE.on(self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt)
-            return GravityVerdict([found], "gravity", gravity=shown)
+            return GravityVerdict([found], gravity=shown)
         if mass is not None and told:
             sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
             return self._removed(mass, float(-weight @ down) / size, sigma, doubt)
@@ -281,15 +231,15 @@ class _Judgement:
             doubt: what explains the force as well.
         """
         declared, missing = self.declared, mass - weighs
-        if abs(missing - (0.0 if declared.put_back else declared.removed)) < max(LEAST_SHARE * mass, CERTAIN * sigma):
+        if abs(missing - (0.0 if declared.weighed else declared.removed)) < max(LEAST_SHARE * mass, CERTAIN * sigma):
             return GravityVerdict()
         if self.attitude.source == "gyro" and weighs < LEAST_WEIGHT * mass:
             return GravityVerdict()  # how the weight was removed is told better where gravity hardly turns
-        removed = missing + declared.removed * declared.put_back
+        removed = missing + declared.removed * declared.weighed
         amounts = {"weighs": weighs, "mass": mass, "removed": removed}
         figures = {name: with_uncertainty(value, COVERAGE * sigma) for name, value in amounts.items()}
         found = Finding.WEIGHT_OF_ANOTHER_PAYLOAD.on(self.topic, doubt=doubt, **figures)
-        return GravityVerdict([found], "gravity", final=True)
+        return GravityVerdict([found], final=True)
 
 
 def along_axis(down: Vector, spread: float) -> Vector:

@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.conventions import DECISIVE, EQUAL
-from identify.judge.conventions.free_gravity import EXPLAINED, LEAST_MISFIT, PosedForce, Rotations
-from identify.judge.conventions.gravity_findings import AXIS, READINGS, Vector, along_axis, gravity_text
+from identify.judge.conventions.declared_rig import Vector
+from identify.judge.conventions.free_gravity import PosedForce, Rotations
+from identify.judge.conventions.gravity_findings import AXIS, READINGS, along_axis, gravity_text
 from identify.judge.findings import Contradiction, Finding
 
 CHANGE = 20.0
@@ -51,15 +52,14 @@ def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReadin
     declared = readings[0]
     assert declared.gravity is not None  # noqa: S101
     sensor = posed[0].fit(lift=False, turned=True)
-    changes, values = posed[0].changes, posed[0].independent_values
-    variance = max(min(fit.misfit for fit in (*fits, sensor)), LEAST_MISFIT**2 * changes, 1e-18)
-    if variance > EXPLAINED**2 * changes:
+    least = min((*fits, sensor), key=lambda fit: fit.misfit)
+    if not posed[0].explained(least):
         return []
-    scores = [fit.misfit * values / variance + CHANGE * each.changes for fit, each in zip(fits, readings, strict=True)]
-    turned = sensor.misfit * values / variance + CHANGE
+    scores = [posed[0].excess(fit, least) + CHANGE * each.changes for fit, each in zip(fits, readings, strict=True)]
+    turned = posed[0].excess(sensor, least) + CHANGE
     best = int(np.argmin(scores))
     if scores[0] < scores[best] + DECISIVE:
-        upside_down = fits[0].mass < 0 and fits[0].misfit < EXPLAINED**2 * changes
+        upside_down = fits[0].mass < 0 and posed[0].explained(fits[0])
         cure = gravity_text(-declared.gravity)
         return [Finding.POSES_UPSIDE_DOWN.on(topic, gravity=cure)] if upside_down else []
     if turned < scores[best] - EQUAL:

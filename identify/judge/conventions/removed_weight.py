@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import (
@@ -21,6 +20,7 @@ from identify.judge.conventions.convention_fit import (
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
 from identify.judge.conventions.conventions import DECISIVE, LARGEST_LEVER, Scales, hypotheses
+from identify.judge.conventions.declared_rig import DeclaredRig
 
 AIR = 1.0
 """Density below which no body on a load cell is [kg/m³].
@@ -90,15 +90,6 @@ class ApparentMass:
         return bool(self.density(sums) < AIR)
 
 
-@dataclass(frozen=True, eq=False)
-class DeclaredBody:
-    """Declared mass [kg] and centre of gravity [m] from Q, or None; ``lever``: from the IMU to it [m]."""
-
-    mass: float | None
-    r_cg: Float[np.ndarray, "3"] | None
-    lever: Float[np.ndarray, "3"]
-
-
 @dataclass(frozen=True)
 class MissingWeight:
     """The way in which the weight was removed, as far as the run shows: both may be possible."""
@@ -115,7 +106,7 @@ def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:
     The force's mean counts; where gravity turns all ways in the body, its changes, which no zero disturbs.
     """
     if sums.tilts:
-        gravity, force = (float(np.sqrt(np.trace(sums.covariance(columns)))) for columns in (SPECIFIC, FORCE))
+        gravity, force = (float(np.sqrt(3 * sums.changes(columns))) for columns in (SPECIFIC, FORCE))
     else:
         gravity, force = (float(np.linalg.norm(sums.mean(columns))) for columns in (SPECIFIC, FORCE))
     if gravity < 1.0:
@@ -128,24 +119,22 @@ def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:
     return ApparentMass(mass, uncertainty, light and not _follows_gravity(sums, mass))
 
 
-def missing_weight(sums: ConventionSums, given: Scales, body: DeclaredBody) -> MissingWeight:
+def missing_weight(sums: ConventionSums, given: Scales, declared: DeclaredRig) -> MissingWeight:
     """Whether what is left of the force turns with gravity (zeroed) or not (removed)."""
-    changes = float(np.trace(sums.covariance(FORCE))) / 3
-    variance = max(given.force, LIKENESS**2 * changes)
-    lever = np.einsum("k,kij->ij", body.lever, LEVER)
+    variance = max(given.force, LIKENESS**2 * float(sums.changes(FORCE)))
+    lever = np.einsum("k,kij->ij", declared.lever, LEVER)
     zeroed_terms = np.concatenate([WEIGHT + lever, OFFSET])
     zeroed = convention_fit.solve(sums, zeroed_terms, FORCE, variance=variance)
     significance = convention_fit.solve(sums, zeroed_terms, FORCE, variance=given.force).significance(slice(0, 1))
-    removed_from = _removed_from(sums, given, body)
+    removed_from = _removed_from(sums, given, declared)
     if zeroed.values[0] <= 0 or significance < CERTAIN:
         return MissingWeight(zeroed=False, removed=removed_from)
     removed = convention_fit.solve(sums, np.concatenate([ACCELERATION + lever, OFFSET]), FORCE, variance=variance)
-    if removed.misfit - zeroed.misfit > DECISIVE:
-        return MissingWeight(zeroed=True, removed=None)
-    return MissingWeight(zeroed=bool(zeroed.misfit - removed.misfit <= DECISIVE), removed=removed_from)
+    gain = float(removed.misfit - zeroed.misfit)
+    return MissingWeight(zeroed=gain >= -DECISIVE, removed=removed_from if gain <= DECISIVE else None)
 
 
-def _removed_from(sums: ConventionSums, given: Scales, body: DeclaredBody) -> Removed:
+def _removed_from(sums: ConventionSums, given: Scales, declared: DeclaredRig) -> Removed:
     """Whether the moment has the weight that the force has not: it turns with gravity as nothing else explains."""
     plain, weighed = (
         convention_fit.solve(sums, terms, MOMENT, variance=given.moment)
@@ -153,8 +142,8 @@ def _removed_from(sums: ConventionSums, given: Scales, body: DeclaredBody) -> Re
     )
     if plain.misfit - weighed.misfit > DECISIVE:
         return "force"
-    if body.mass is not None and body.r_cg is not None:
-        q = body.mass * body.r_cg
+    if declared.mass is not None and declared.r_cg is not None:
+        q = declared.mass * declared.r_cg
         if float(q @ np.linalg.solve(weighed.covariance[COUNTERWEIGHT_AT, COUNTERWEIGHT_AT], q)) > DECISIVE:
             return "force and moment"
     return "undetermined"
@@ -167,15 +156,14 @@ def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
     force, specific = sums.mean(FORCE), sums.mean(SPECIFIC)
     size = float(np.linalg.norm(force) * np.linalg.norm(specific))
     best = max(float(force @ hypothesis.matrix @ specific) for hypothesis in hypotheses()) / max(size, 1e-12)
-    changes = float(np.sqrt(np.trace(sums.covariance(FORCE)) / max(np.trace(sums.covariance(SPECIFIC)), 1e-12)))
+    changes = float(np.sqrt(sums.changes(FORCE) / max(sums.changes(SPECIFIC), 1e-12)))
     return bool(best > ALONG_GRAVITY and changes < MOST_CHANGES * mass)
 
 
 def _likeness(sums: ConventionSums) -> float:
     """Correlation of the changes of force and specific force."""
-    mean = sums.mean(FORCE) @ sums.mean(SPECIFIC)
-    sizes = [float(np.trace(sums.covariance(columns))) for columns in (FORCE, SPECIFIC)]
-    return float(np.trace(sums.gram[FORCE, SPECIFIC]) - mean) / max(np.sqrt(sizes[0] * sizes[1]), 1e-12)
+    together = float(np.trace(sums.gram[FORCE, SPECIFIC]) - sums.mean(FORCE) @ sums.mean(SPECIFIC))
+    return together / max(3 * float(np.sqrt(sums.changes(FORCE) * sums.changes(SPECIFIC))), 1e-12)
 
 
 def _least_trace(sums: ConventionSums) -> float:

@@ -1,12 +1,12 @@
 """A rotation between load cell and IMU that is no order of the axes: when it is named, and in what words."""
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT
+from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT, NOT_RIGID
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums
 from identify.judge.conventions.conventions import DECISIVE, Scales, chi_square
+from identify.judge.conventions.declared_rig import Matrix, Vector
 from identify.judge.conventions.free_rotation import FreeRotation, free_rotation
 from identify.judge.findings import Contradiction, Finding
 from identify.rounding import fixed, with_uncertainty
@@ -26,12 +26,6 @@ CERTAIN_SHIFT = 40.0
 
 Chance: 1.1e-8. In 40 clean runs at most 0.3 (``tests.helpers.judge_margins``).
 """
-NOT_RIGID = 0.15
-"""Part of force's or moment's changes above which what is left over is due to no rigid body.
-
-Choice: hands on the body are not judged. In 40 clean runs 0.01, the least that a fit may leave
-(``tests.helpers.judge_margins``).
-"""
 WELL_EXPLAINED = 0.05
 """Part of the changes below which nothing is left that a rotation could explain.
 
@@ -42,8 +36,6 @@ COVERAGE = 2.0
 
 Definition: 95 % of a normal distribution (JCGM 100:2008, G.6.6).
 """
-
-Matrix = Float[np.ndarray, "3 3"]
 
 
 def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> FreeRotation | None:
@@ -71,7 +63,7 @@ def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> F
 
 def explains(sums: ConventionSums, columns: slice, variance: float) -> bool:
     """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
-    return bool(variance < max(9 * _white(sums, columns), NOT_RIGID**2 * _changes(sums, columns)))
+    return bool(variance < max(9 * _white(sums, columns), NOT_RIGID**2 * float(sums.changes(columns))))
 
 
 def _well_explained(sums: ConventionSums) -> bool:
@@ -80,16 +72,13 @@ def _well_explained(sums: ConventionSums) -> bool:
         (MOMENT, convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)),
     )
     return all(
-        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * _changes(sums, columns) for columns, variance in fits
+        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * float(sums.changes(columns))
+        for columns, variance in fits
     )
 
 
 def _white(sums: ConventionSums, columns: slice) -> float:
     return float(sums.noise[columns.start // 3] ** 2 * sums.white)
-
-
-def _changes(sums: ConventionSums, columns: slice) -> float:
-    return float(np.trace(sums.covariance(columns))) / 3
 
 
 def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradiction:
@@ -107,7 +96,7 @@ def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradic
     return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
 
 
-def small_turn_text(turn: Float[np.ndarray, "3"], hessian: Matrix) -> str:
+def small_turn_text(turn: Vector, hessian: Matrix) -> str:
     """Return a small rotation vector [rad] with its 95 % uncertainties, from the Hessian of chi-square there."""
     u = COVERAGE * np.sqrt(np.diag(2 * np.linalg.pinv(hessian, hermitian=True)).clip(0))
     parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)

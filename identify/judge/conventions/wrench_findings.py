@@ -6,10 +6,9 @@ sensor tells is compared with what the experiment declares: mass, centre of grav
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, OFFSET_AT, CentreFit
@@ -32,11 +31,11 @@ from identify.judge.conventions.conventions import (
     misalignment,
     scales,
 )
+from identify.judge.conventions.declared_rig import DeclaredRig, Matrix, Vector
 from identify.judge.conventions.free_rotation import FreeRotation
-from identify.judge.conventions.gravity_findings import AttitudeSignal, DeclaredWeight, run_gravity
-from identify.judge.conventions.imu_conventions import in_free_fall, wrong_units
-from identify.judge.conventions.imu_findings import STANDARD_GRAVITY
-from identify.judge.conventions.removed_weight import ApparentMass, DeclaredBody, apparent_mass, missing_weight
+from identify.judge.conventions.gravity_findings import MASS_OVER_SIGMA, AttitudeSignal, run_gravity
+from identify.judge.conventions.imu_conventions import STANDARD_GRAVITY, in_free_fall, wrong_units
+from identify.judge.conventions.removed_weight import ApparentMass, apparent_mass, missing_weight
 from identify.judge.conventions.rotation_findings import (
     CERTAIN_SHIFT,
     LEAST_TURN,
@@ -91,11 +90,6 @@ PARTLY = 0.5
 
 Choice: a load cell's zero is smaller.
 """
-MASS_OVER_SIGMA = 8.0
-"""Mass by the force's changes, in standard deviations, from which they determine it.
-
-Choice: the part that is missing is then good to an eighth.
-"""
 FAR_BETTER = 10.0
 """Factor by which another unit of the moment must lower chi-square to be named in place of another point.
 
@@ -111,36 +105,6 @@ ZERO_LEVER = 5e-3
 
 Prior: our choice, wide, so that a zero of the load cell is no evidence of anything else.
 """
-
-Vector = Float[np.ndarray, "3"]
-Matrix = Float[np.ndarray, "3 3"]
-
-
-@dataclass(frozen=True, eq=False)
-class DeclaredRig:
-    """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
-
-    ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
-    which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
-    ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
-    """
-
-    mass: float | None = None
-    removed: float = 0.0
-    r_cg: Vector | None = None
-    sigma_r_cg: Vector | None = None
-    imu_position: Vector | None = None
-    wrench_point: Vector | None = None
-    wrench_rotation: Matrix | None = None
-    imu_rotation: Matrix | None = None
-    weighed: bool = True
-    turn: Vector | None = None
-    measured: bool = True
-
-    @property
-    def weight(self) -> DeclaredWeight:
-        """Declarations on the weight."""
-        return DeclaredWeight(self.mass, self.removed, self.weighed)
 
 
 def wrench_findings(
@@ -162,9 +126,9 @@ def wrench_findings(
     sums = convention_sums(wrench, imu)
     if sums is None or sums.size(SPECIFIC) < LEAST_GRAVITY or in_free_fall(imu):
         return []
-    if min(float(np.trace(sums.covariance(columns))) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
+    if min(float(sums.changes(columns)) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []
-    verdict = run_gravity(wrench, imu, attitude, declared.weight, wrench_topic)
+    verdict = run_gravity(wrench, imu, attitude, declared, wrench_topic)
     if verdict.final:
         return verdict.findings
     if verdict.gravity is not None and attitude is not None and attitude.gravity is not None:
@@ -278,12 +242,8 @@ class _Examination:
     # Weight
 
     def _weight_cure(self, given: Scales) -> str:
-        """Return how the weight was removed, as far as the run shows, and the line that restores it.
-
-        An IMU whose place is not declared is taken to be at Q.
-        """
-        r_cg, imu = (np.zeros(3) if r is None else r for r in (self.declared.r_cg, self.declared.imu_position))
-        missing = missing_weight(self.sums, given, DeclaredBody(self.declared.mass, self.declared.r_cg, r_cg - imu))
+        """Return how the weight was removed, as far as the run shows, and the line that restores it."""
+        missing = missing_weight(self.sums, given, self.declared)
         cures = ['zeroed with the body on it? set zero = "loaded" in [recording]'] if missing.zeroed else []
         if missing.removed is not None:
             key = "gravity_from_force" if missing.removed == "force" else "gravity"
