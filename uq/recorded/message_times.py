@@ -80,7 +80,7 @@ def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np
     Raises:
         RunError: so it is.
     """
-    if min(map(len, times)) == 0 or _overlap(*times):
+    if min(map(len, times)) < 2 or _overlap(*times):  # a single sample is refused as such
         return
     kind = "stamps" if times[0] is channels[0].stamp else "log times"
     ranges = [

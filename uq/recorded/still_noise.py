@@ -43,7 +43,7 @@ TARGETS = {**SIGNAL_UNITS, ACCELEROMETER: "m/s^2"}
 class ChannelNoise(NamedTuple):
     """Noise of one axis of one signal."""
 
-    target: str
+    quantity: str
     """Signal: F, M, omega, or f, the specific force."""
     axis: int
     """0, 1 or 2, in the body frame."""
@@ -58,7 +58,7 @@ class ChannelNoise(NamedTuple):
     @property
     def unit(self) -> str:
         """Unit of the signal."""
-        return TARGETS[self.target]
+        return TARGETS[self.quantity]
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,10 +83,10 @@ class StillNoise(Result):
 
         Not those of an accelerometer, on which no source errs. A random walk or flicker that is not seen is left out.
         """
-        by_target = {target: [c for c in self.channels if c.target == target] for target in SIGNAL_UNITS}
-        return {"source": [table for target, axes in by_target.items() for table in self._tables(target, axes)]}
+        by_target = {quantity: [c for c in self.channels if c.quantity == quantity] for quantity in SIGNAL_UNITS}
+        return {"source": [table for quantity, axes in by_target.items() for table in self._tables(quantity, axes)]}
 
-    def _tables(self, target: str, channels: Sequence[ChannelNoise]) -> Iterator[dict[str, Any]]:
+    def _tables(self, quantity: str, channels: Sequence[ChannelNoise]) -> Iterator[dict[str, Any]]:
         values, steps, drifts = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
         rate = channels[0].rate if channels else 1.0
         for noise, axis in ((channel.noise, channel.axis) for channel in channels):
@@ -99,11 +99,11 @@ class StillNoise(Result):
         if stepped:
             values[:, 0] = np.sqrt(np.maximum(white - rounding, 0))
         reference = f"{self.file} at rest, {self.seconds:.4g} s"
-        unit = SIGNAL_UNITS[target]
+        unit = SIGNAL_UNITS[quantity]
 
         def table(kind: str, **keys: Any) -> dict[str, Any]:
-            about = {"name": f"{target}_{kind}", "target": target, "kind": kind}
-            return {**about, **keys, "group": GROUPS[target], "reference": reference}
+            about = {"name": f"{quantity}_{kind}", "target": quantity, "kind": kind}
+            return {**about, **keys, "group": GROUPS[quantity], "reference": reference}
 
         seen = {
             name: _written(column, pattern.format(unit))
@@ -120,7 +120,7 @@ class StillNoise(Result):
     def records(self) -> list[dict[str, Any]]:
         """Return the figures of each channel, in SI."""
         return [
-            {"channel": f"{channel.target}{channel.axis + 1}", "unit": channel.unit}
+            {"channel": f"{channel.quantity}{channel.axis + 1}", "unit": channel.unit}
             | {
                 f"{name}{suffix}": float(figure)
                 for name, value, ends in zip(PARAMETERS, channel.noise.values, channel.noise.interval95, strict=True)
@@ -134,7 +134,7 @@ class StillNoise(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json."""
         lines = [
-            {"channel": f"{channel.target}{channel.axis + 1}", **line._asdict()}
+            {"channel": f"{channel.quantity}{channel.axis + 1}", **line._asdict()}
             for channel in self.channels
             for line in channel.noise.lines
         ]
@@ -163,21 +163,21 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
         usable = np.isfinite(np.hstack(values)).all(axis=1)
         refuse_excess(" and ".join(targets), np.nan_to_num(np.hstack(values), posinf=0.0, neginf=0.0), name)
         seconds = (stamp[usable] - start) * 1e-9
-        signals |= {target: (seconds, signal[usable]) for target, signal in zip(targets, values, strict=True)}
+        signals |= {quantity: (seconds, signal[usable]) for quantity, signal in zip(targets, values, strict=True)}
     rest, whole = _rest(signals, name), max(float(seconds[-1]) for seconds, _ in signals.values())
     warnings = list(notes)
     if rest.seconds < WHOLE * whole:
         warnings.append(f"{name} rests from {rest.start:.1f} to {rest.stop:.1f} s of {whole:.1f} s: this part is used")
     channels = []
-    for target, (seconds, signal) in signals.items():
+    for quantity, (seconds, signal) in signals.items():
         inside = (seconds >= rest.start) & (seconds <= rest.stop)
-        if target == ACCELEROMETER and not signal.any():  # none was recorded
+        if quantity == ACCELEROMETER and not signal.any():  # none was recorded
             continue
         steps = np.diff(seconds[inside])
         lost = 1 - float(np.median(steps)) / float(np.mean(steps))
-        if lost > LOST and target != "M":  # the cell is named once
-            warnings.append(f"{name}: {100 * lost:.0f} % of the samples of {target} are lost: record it again")
-        channels += _of_axes(target, signal[inside], 1 / float(np.mean(steps)), warnings)
+        if lost > LOST and quantity != "M":  # the cell is named once
+            warnings.append(f"{name}: {100 * lost:.0f} % of the samples of {quantity} are lost: record it again")
+        channels += _of_axes(quantity, signal[inside], 1 / float(np.mean(steps)), warnings)
     if not channels:
         raise RunError(f"no channel of {name} varies: a recording of sensors at rest shows their noise")
     about = provenance(inputs=[{"file": str(path), "sha256": bag.sha256}])
@@ -215,8 +215,8 @@ def _rests(signals: Mapping[str, tuple[np.ndarray, np.ndarray]], part: Segment) 
     step = max(float(np.median(np.diff(seconds))) for seconds, _ in signals.values())
     instant = np.arange(part.start, part.stop, step)
     at = {
-        target: np.stack([np.interp(instant, seconds, column) for column in signal.T], axis=1)
-        for target, (seconds, signal) in signals.items()
+        quantity: np.stack([np.interp(instant, seconds, column) for column in signal.T], axis=1)
+        for quantity, (seconds, signal) in signals.items()
     }
     omega = at.pop("omega")
     # each axis over its noise: then all of them tell whether something shakes
@@ -225,10 +225,10 @@ def _rests(signals: Mapping[str, tuple[np.ndarray, np.ndarray]], part: Segment) 
     return [Segment(part.start + start, part.start + stop) for start, stop in segments]
 
 
-def _of_axes(target: str, signal: Float[np.ndarray, "n 3"], rate: float, warnings: list[str]) -> list[ChannelNoise]:
+def _of_axes(quantity: str, signal: Float[np.ndarray, "n 3"], rate: float, warnings: list[str]) -> list[ChannelNoise]:
     channels = []
     for axis, values in enumerate(signal.T):
-        channel = f"{target}{axis + 1}"
+        channel = f"{quantity}{axis + 1}"
         try:
             noise = allan_noise(values, rate)
         except ValueError as error:
@@ -236,7 +236,7 @@ def _of_axes(target: str, signal: Float[np.ndarray, "n 3"], rate: float, warning
             continue
         time = np.arange(len(values)) / rate
         tau, deviation = allan_deviation(values - noise.drift * time, rate)
-        channels.append(ChannelNoise(target, axis, rate, noise, tau, deviation))
+        channels.append(ChannelNoise(quantity, axis, rate, noise, tau, deviation))
         if noise.misfit > MISFIT:
             warnings.append(
                 f"{channel}: its spectrum has another shape than white noise, flicker and random walk together; the "

@@ -23,6 +23,7 @@ TURNED = [
     f"identify {NAME}.mcap --experiment e.toml --expected {NAME}.mcap",
     f"identify {NAME}.mcap --experiment e.toml --mounting {NAME},b",
     f"centre {NAME}.mcap --experiment e.toml",
+    f"noise {NAME}.mcap -o {NAME}5.toml",
     f"recover {NAME}.mcap -o {NAME}2.mcap",
     f"import {NAME}.csv --map {NAME}.mcap -o {NAME}3.mcap",
     f"simulate e.toml -o {NAME}4.mcap",

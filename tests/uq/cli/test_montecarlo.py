@@ -139,7 +139,7 @@ def test_a_body_whose_name_is_no_folder(tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(TWO.replace("[body.half]", '[body."../half"]'))
     assert tomllib.loads(path.read_text())
-    with pytest.raises(ExperimentError, match="write a name of letters"):
+    with pytest.raises(ExperimentError, match="write a name of at most 60 letters"):
         Experiment.load_bodies(path)
 
 

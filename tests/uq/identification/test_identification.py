@@ -237,7 +237,7 @@ def test_the_readmes_arrays_need_no_file(short):
 def test_the_result_is_the_contract(short):
     result = identify(simulate(short, "T1").run, r_cg=short.r_cg_from_q, estimator=SMOOTHED, mass=19.7)
     content = result.to_dict()
-    assert list(content)[:5] == ["kind", "version", "unit", "about", "frame"]
+    assert list(content)[:6] == ["kind", "version", "status", "unit", "about", "frame"]
     assert list(content)[5:9] == ["inertia", "bias", "standard_uncertainty", "interval95"]
     assert content["inertia"]["I33"] == result.inertia[5]
     low, high = content["interval95"]["I12"]

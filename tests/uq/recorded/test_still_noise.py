@@ -79,7 +79,7 @@ def test_a_part_that_moves_is_left_out_and_told(tmp_path):
     noise = still_noise(recording(tmp_path / "r.mcap", moves=(40.0, 44.0)))
     assert any("rests from 0.0 to 39." in text and "this part is used" in text for text in noise.warnings)
     assert noise.seconds == pytest.approx(39.6, abs=0.5)
-    gyro = [channel.noise.values[0] for channel in noise.channels if channel.target == "omega"]
+    gyro = [channel.noise.values[0] for channel in noise.channels if channel.quantity == "omega"]
     np.testing.assert_allclose(gyro, 1e-4, rtol=0.1)
 
 
