@@ -238,7 +238,7 @@ def test_the_result_is_the_contract(short):
     result = identify(simulate(short, "T1").run, r_cg=short.r_cg_from_q, estimator=SMOOTHED, mass=19.7)
     content = result.to_dict()
     assert list(content)[:6] == ["kind", "version", "status", "unit", "about", "frame"]
-    assert list(content)[5:9] == ["inertia", "bias", "standard_uncertainty", "interval95"]
+    assert list(content)[6:10] == ["inertia", "bias", "standard_uncertainty", "interval95"]
     assert content["inertia"]["I33"] == result.inertia[5]
     low, high = content["interval95"]["I12"]
     assert low < content["inertia"]["I12"] < high

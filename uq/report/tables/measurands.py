@@ -168,7 +168,7 @@ def noise_tables(result: StillNoise) -> list[Table]:
     """Return N, B and K of each channel with their intervals, drift and step; then the spectral lines."""
     rows, lines = [], []
     for channel in result.channels:
-        noise, name = channel.noise, f"{channel.target}{channel.axis + 1}, {channel.unit}".replace("*", "·")
+        noise, name = channel.noise, f"{channel.quantity}{channel.axis + 1}, {channel.unit}".replace("*", "·")
         row = [name.replace("^2", "²").replace("omega", "ω")]
         for value, (low, high) in zip(noise.values, noise.interval95, strict=True):
             half = (high - low) / 2
