@@ -101,7 +101,8 @@ class CsvTable:
 
         places = self.places[signal]
         cells = self.frame[places]
-        values = cells.apply(pd.to_numeric, errors="coerce").to_numpy(float, copy=True)  # pandas 3 hands out views that are read-only
+        # a copy, since pandas' own arrays may be read-only, which scipy's rotations refuse
+        values = cells.apply(pd.to_numeric, errors="coerce").to_numpy(float, copy=True)
         bad = np.isinf(values) | np.isnan(values) & (cells.notna().to_numpy() | complete)
         if bad.any():
             column, row = np.argwhere(bad.T)[0]
