@@ -140,13 +140,17 @@ def _excess(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[Topi
 
 
 def _constant(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
-    """A signal without any change: real ones have noise. An IMU without an accelerometer sends zeros."""
+    """A signal without any change: real ones have noise. An IMU without an accelerometer sends zeros.
+
+    A force of zero has a kind of its own: the source of a moment alone, such as a flywheel, sends it too.
+    """
     if len(values) < LEAST_SAMPLES or (name == "acceleration" and not values.any()):
         return
     constant = np.ptp(values, axis=0) == 0
     if constant.all():
         level = ", ".join(f"{value:.6g}" for value in values[0] + 0.0)
-        yield TopicFinding("constant", topic, f"{name} stays at ({level}) throughout: check sensor and driver")
+        kind = "no force" if name == "force" and not values.any() else "constant"
+        yield TopicFinding(kind, topic, f"{name} stays at ({level}) throughout: check sensor and driver")
     for axis in np.flatnonzero(constant & values.any(axis=0)) if not constant.all() else ():
         yield TopicFinding(
             "constant",

@@ -69,8 +69,9 @@ def test_intervals_of_thrown_bodies_hold_their_geometry(thrown, experiment):
 
 
 def test_of_thrown_bodies_nothing_is_suspected(thrown, experiment):
+    """But for the force that no load cell measures, where the experiment does not say that it plays no part."""
     for file in thrown[0]:
-        assert inspect_run(file).findings == []
+        assert [finding.kind for finding in inspect_run(file).findings] == ["no force"]
         assert inspect_run(file, experiment).findings == []
     assert not [text for text in thrown[2].warnings if "suspicious" in text]
 
