@@ -55,6 +55,18 @@ class RecordedChannel:
         return self.taken(np.argsort(self.stamp))
 
 
+def stamps_early(wrench: RecordedChannel, motion: RecordedChannel) -> float:
+    """Return the time by which the motion's stamps are early against the wrench's, by the log's times [s].
+
+    The log has one clock: the usual time from stamp to log is alike, unless the stamps are of two clocks. 0 where a
+    channel has no stamps.
+    """
+    if not (wrench.stamp.any() and motion.stamp.any()):
+        return 0.0
+    delays = [np.median(channel.log_time - channel.stamp) for channel in (wrench, motion)]
+    return float(delays[1] - delays[0]) * 1e-9
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class WrenchChannel(RecordedChannel):
     """Force and moment of one topic.

@@ -78,22 +78,22 @@ def outliers(
         used: poses that count.
         memory: further columns of the wrench.
     """
-    kept, candidates, shown = used.copy(), list[int](), 0
+    counted, candidates, shown = used.copy(), list[int](), 0
     measured = np.hstack(signals[:2])
-    within = everyone = fitted(signals, attitudes, kept, memory=memory)
-    while kept.sum() >= LEAST_POSES and len(candidates) < min(used.sum() // 4, MOST):
+    within = everyone = fitted(signals, attitudes, counted, memory=memory)
+    while counted.sum() >= LEAST_POSES and len(candidates) < min(used.sum() // 4, MOST):
         own = np.sqrt(np.maximum(1 - within.leverage, LEAST_FREE))
         studentised = np.abs(within.residuals) / own
         place, axis = np.unravel_index(np.argmax(studentised / _scatter(within, measured)), own.shape)
-        candidates.append(int(np.flatnonzero(kept)[place]))
+        candidates.append(int(np.flatnonzero(counted)[place]))
         limits = _limits(within)
-        kept[candidates[-1]] = False
-        within = fitted(signals, attitudes, kept, memory=memory)
+        counted[candidates[-1]] = False
+        within = fitted(signals, attitudes, counted, memory=memory)
         if studentised[place, axis] > limits[axis] * _scatter(within, measured)[axis]:
             shown = len(candidates)
-    kept = used.copy()
-    kept[candidates[:shown]] = False
-    clean = fitted(signals, attitudes, kept, memory=memory)
+    counted = used.copy()
+    counted[candidates[:shown]] = False
+    clean = fitted(signals, attitudes, counted, memory=memory)
     size = measured - clean.predicted(signals.specific_force, memory)
     ratios = np.zeros_like(size)
     ratios[used] = np.sqrt(np.maximum(1 - everyone.leverage, 0)) * np.abs(size[used]) / _scatter(clean, measured)
@@ -120,10 +120,10 @@ def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n
     candidates = [_memory(signals.specific_force, plain, keeps) for keeps in MEMORY]
     fits = [(fitted(signals, attitudes, used, memory=columns), columns) for columns in candidates]
     # the leverages' sum is the rank: where poses repeat in turn, a lag is not told from the load itself
-    told = [pair for pair in fits if pair[0].leverage.sum() > LINEAR + pair[1][used].any(axis=(0, 1)).sum() - 0.5]
-    if not told:
+    determined = [pair for pair in fits if pair[0].leverage.sum() > LINEAR + pair[1][used].any(axis=(0, 1)).sum() - 0.5]
+    if not determined:
         return None
-    best, columns = min(told, key=lambda pair: np.log(_scatter(pair[0], np.hstack(signals[:2])[used])).sum())
+    best, columns = min(determined, key=lambda pair: np.log(_scatter(pair[0], np.hstack(signals[:2])[used])).sum())
     part, u = best.memory[:2], best.memory_uncertainty[:2]
     limit = scipy.special.stdtrit(_freedom(best).min(), 1 - CHANCE / (4 * len(MEMORY)))
     return Creep(part, u, columns) if (np.abs(part) > limit * u + ROUNDING).any() else None

@@ -85,10 +85,10 @@ def row(case: Wrong, runs: int) -> str:
     for method in METHODS:
         results = [identified(case, FIRST + k, method) for k in range(runs)]
         if case.named:
-            told = sum(any(case.named in text for text in result.warnings) for result in results)
+            count = sum(any(case.named in text for text in result.warnings) for result in results)
         else:
-            told = sum(bool(result.warnings) for result in results)
-        cells.append((told, sum(bool(result.contradicted) for result in results)))
+            count = sum(bool(result.warnings) for result in results)
+        cells.append((count, sum(bool(result.contradicted) for result in results)))
     named, contradicted = ("/".join(map(str, column)) for column in zip(*cells, strict=True))
     return f"| {case.words} | {named} | {contradicted} |"
 

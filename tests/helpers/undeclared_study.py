@@ -121,10 +121,10 @@ def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
     """A line of the table; in a cell the three methods."""
     cells = []
     for method in METHODS:
-        told = [by_method[method] for by_method in runs if method in by_method]
-        truths = np.array([answer.truth for answer in told])
+        stated = [by_method[method] for by_method in runs if method in by_method]
+        truths = np.array([answer.truth for answer in stated])
         intervals = {
-            name: np.array([getattr(answer, name) for answer in told]) for name in ("first", "second", "oracle")
+            name: np.array([getattr(answer, name) for answer in stated]) for name in ("first", "second", "oracle")
         }
         held = {
             name: 100 * np.mean((ends[..., 0] <= truths) & (truths <= ends[..., 1])) for name, ends in intervals.items()
@@ -133,8 +133,8 @@ def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
             name: np.mean([score(i, t) for i, t in zip(ends, truths, strict=True)]) for name, ends in intervals.items()
         }
         cells.append([
-            *(f"{held[name]:.0f}" for name in intervals), str(sum(map(silent, told))),
-            str(sum(answer.warned for answer in told)), f"{scores['second'] / scores['oracle']:.2f}",
+            *(f"{held[name]:.0f}" for name in intervals), str(sum(map(silent, stated))),
+            str(sum(answer.warned for answer in stated)), f"{scores['second'] / scores['oracle']:.2f}",
         ])  # fmt: skip
     return " | ".join([f"| {label}", f"{size:g}", str(len(runs)), *map("/".join, zip(*cells, strict=True))]) + " |"
 

@@ -84,8 +84,8 @@ class TableLayout:
 
     def unit(self, places: Sequence[int], si: str) -> str | None:
         """Return the unit that the file states of some columns; None: none, several, or none of the dimension."""
-        known = {known_unit(self.units[place], si) for place in places}
-        return known.pop() if len(known) == 1 else None
+        units = {known_unit(self.units[place], si) for place in places}
+        return units.pop() if len(units) == 1 else None
 
 
 def known_unit(text: str, si: str) -> str | None:
@@ -209,5 +209,7 @@ def _head(rows: list[list[str]], alike: list[list[str]], decimal: str) -> tuple[
 
 def _units(cells: Sequence[str]) -> bool:
     """Whether a row states units: most of its cells are units of a quantity that we read."""
-    known = [any(known_unit(cell, si) for si in ("s", "N", "N*m", "rad/s", "m/s^2", "rad")) for cell in cells if cell]
-    return 2 * sum(known) > len(known)
+    recognised = [
+        any(known_unit(cell, si) for si in ("s", "N", "N*m", "rad/s", "m/s^2", "rad")) for cell in cells if cell
+    ]
+    return 2 * sum(recognised) > len(recognised)

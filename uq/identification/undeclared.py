@@ -53,10 +53,10 @@ def with_undeclared(
     if result.seen is not None or (result.method == "joint" and not by_held):
         return result
     undeclared = typical_errors(experiment, largest_wrench(runs))
-    of_poses = () if centre is None or centre.undeclared is None else centre.undeclared.effects
+    pose_effects = () if centre is None or centre.undeclared is None else centre.undeclared.effects
     if centre is not None or np.any(result.sigma_r_cg > 0):
         sources = tuple(source for source in undeclared.sources if source.perturbs != "r_cg")
-        undeclared = replace(undeclared, sources=(*sources, *[METRE] * bool(of_poses)))
+        undeclared = replace(undeclared, sources=(*sources, *[METRE] * bool(pose_effects)))
     changes: dict[str, np.ndarray] = {}
     if result.method == "joint":
         changes |= _of_joint(by_held, undeclared)
@@ -73,22 +73,22 @@ def with_undeclared(
         changes["accelerometer_scale"] = table.accelerometer_scale * by_held[ACCELEROMETER_SCALE]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
         changes["mass"] = _of_mass(table.mass * result.mass, by_held)
-    if of_poses:
+    if pose_effects:
         by_centre = _of_prior(by_held) if result.method == "joint" else _by_centre(changes.pop(METRE.name))
-        for effect in of_poses:
+        for effect in pose_effects:
             change = by_centre @ effect.changes
             if changes.get(effect.name, change).shape != change.shape:
                 raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
             changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    return replace(result, undeclared=undeclared_errors(changes, size, experiment, of_poses))
+    return replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects))
 
 
 def undeclared_errors(
     changes: Mapping[str, Float[np.ndarray, "10 k"]],
     size: Float[np.ndarray, "10"],
     experiment: Experiment,
-    of_poses: Sequence[Effect] = (),
+    pose_effects: Sequence[Effect] = (),
 ) -> Undeclared:
     """Return errors with their words and figures, without those that add nothing.
 
@@ -96,9 +96,9 @@ def undeclared_errors(
         changes: of ten parameters, by the error's key in ``[undeclared]``.
         size: of the parameters.
         experiment: the typical figures.
-        of_poses: errors of static poses, whose figures count where the experiment says that there is no such error.
+        pose_effects: errors of static poses, whose figures count where the experiment says that there is no such error.
     """
-    figures, effects = {effect.name: effect.figure for effect in of_poses}, []
+    figures, effects = {effect.name: effect.figure for effect in pose_effects}, []
     for name, kind in KINDS.items():
         if name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None]):
             value = getattr(experiment.undeclared, name)

@@ -50,8 +50,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     attitude = _attitude(run, experiment, usable)
     rig = _declared(run, experiment, undone=undone, turn_free=turn_free)
     if run.specific_force is None:
-        told = attitude is not None and attitude.gravity is not None
-        return run_gravity(wrench, imu, attitude, rig, run.name).findings if told else []
+        has_gravity = attitude is not None and attitude.gravity is not None
+        return run_gravity(wrench, imu, attitude, rig, run.name).findings if has_gravity else []
     from_imu = list(imu_findings(imu, run.name))
     if any(finding.kind == "axes" for finding in from_imu):
         return from_imu

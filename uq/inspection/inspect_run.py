@@ -15,7 +15,7 @@ from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
 from identify.judge.conventions.declared_rig import DeclaredRig
 from identify.judge.conventions.imu_conventions import imu_findings
 from identify.judge.conventions.wrench_findings import wrench_findings
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, WrenchChannel, stamps_early
 from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding
 from rig.inspection.inspect import Inspection, inspect
 from uq.inspection.imported_run import cured_in_map
@@ -78,7 +78,7 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
-        together = clock_findings(*signals, _stamps_early(wrench, imu), imu.topic) or wrench_findings(
+        together = clock_findings(*signals, stamps_early(wrench, imu), imu.topic) or wrench_findings(
             *signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic
         )
         findings += [TopicFinding(*contradiction) for contradiction in together]
@@ -87,13 +87,6 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
 
 def _imu_signal(imu: ImuChannel, origin: int) -> ImuSignal:
     return ImuSignal(_seconds(imu, origin), imu.angular_velocity, imu.linear_acceleration)
-
-
-def _stamps_early(wrench: WrenchChannel, imu: ImuChannel) -> float:
-    if not (wrench.stamp.any() and imu.stamp.any()):
-        return 0.0
-    delays = [float(np.median(channel.log_time - channel.stamp)) for channel in (wrench, imu)]
-    return (delays[1] - delays[0]) * 1e-9
 
 
 def _seconds(channel: SensorChannel, origin: int) -> np.ndarray:

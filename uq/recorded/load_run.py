@@ -16,7 +16,7 @@ from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.instrument_metadata import about
-from uq.recorded.message_times import check_overlap, in_order, instants, stamps_early
+from uq.recorded.message_times import check_overlap, in_order, instants
 from uq.recorded.time_window import on_clock
 
 
@@ -88,7 +88,7 @@ def of_channels(
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)
     check_overlap(pair, times, bag.path.name)
-    early = stamps_early(pair) if times[0] is bag.wrench.stamp else 0.0
+    early = channels.stamps_early(*pair) if times[0] is bag.wrench.stamp else 0.0
     source = motion(bag, recording, times[1], band=band)
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)

@@ -65,15 +65,6 @@ def instants(
     return (fitted[0][0], fitted[1][0]), (*notes, *(text for _, texts in fitted for text in texts))
 
 
-def stamps_early(channels: tuple[Channel, Channel]) -> float:
-    """Return the time by which the second channel's stamps are early against the first's, by the log's times [s].
-
-    The log has one clock: the usual time from stamp to log is alike, unless the stamps are of two clocks.
-    """
-    wrench, motion = (np.median(channel.log_time - channel.stamp) for channel in channels)
-    return float(motion - wrench) * 1e-9
-
-
 def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np.ndarray], name: str) -> None:
     """Refuse channels whose times have nothing in common, with both ranges and what cures it.
 

@@ -79,9 +79,9 @@ def propose(paths: Sequence[str | Path], output: Path) -> str:
     with replacing(target, overwrite=False) as stream:
         stream.write(("\n".join(text) + "\n").encode())
     command = f"inertia import {' '.join(str(table.path) for table in tables)} --map {target} -o {output}"
-    told = [table.told for table in tables]
+    layouts = [table.layout_text for table in tables]
     return "\n".join(
-        map(on_one_line, [*told, f"a map is proposed in {target}: check every line of it, then: {command}"])
+        map(on_one_line, [*layouts, f"a map is proposed in {target}: check every line of it, then: {command}"])
     )
 
 
@@ -92,12 +92,12 @@ def _line(key: str, value: Any, why: str) -> str:
 
 def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
-    found = {signal for table in tables for signal in table.signals}
+    signals_of_tables = {signal for table in tables for signal in table.signals}
     for signals, needed, cure in (
         (WRENCH, "force and moment", "give the load cell's table as well"),
         (MOTIONS, "motion", "give the IMU's table as well"),
     ):
-        if found.isdisjoint(signals):
+        if signals_of_tables.isdisjoint(signals):
             held = listed(name for table in tables for name in table.written)
             raise RunError(f"no columns of {needed} among those of {names} ({held}): {cure}, or write a map")
 
@@ -121,7 +121,7 @@ class _Guess:
         self.table = CsvTable(self.layout, self.signals, read_rows(self.layout))
 
     @property
-    def told(self) -> str:
+    def layout_text(self) -> str:
         """Layout by which the table was read."""
         delimiter = {"\t": "tab", " ": "blanks"}.get(self.layout.delimiter, self.layout.delimiter)
         rows = f"numbers from line {self.layout.first} on"
@@ -185,10 +185,10 @@ class _Guess:
 
     def _attitude(self) -> None:
         """A quaternion or joints, by which the motion is told where no gyro is."""
-        found = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
+        components = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
         self.signals.pop("acceleration", None)
-        if set(found) == set("wxyz"):
-            self.signals["quaternion"] = [found[axis] for axis in "wxyz"]
+        if set(components) == set("wxyz"):
+            self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
             match = JOINT.fullmatch(name) or JOINT.fullmatch(plain)
@@ -269,9 +269,9 @@ class _Guess:
         if unit is None:
             return []
         lines = [_line("time", name, self.why), _line("time_unit", unit, why)]
-        if coarse and (told := rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))):
+        if coarse and (round_rate := rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))):
             why = "the times are coarser than the samples; the roundest rate that they allow"
-            lines.append(_line("rate", f"{told:g} Hz", why))
+            lines.append(_line("rate", f"{round_rate:g} Hz", why))
         return lines
 
 
@@ -281,7 +281,7 @@ def _time_unit(last: float, step: float, rate: float | None) -> tuple[str | None
         if last > least:
             return unit, "by its size, since 1970"
     for unit in ("s", "ms", "us", "ns"):
-        told = 1 / (step * scale(unit, "s"))
-        if abs(told / rate - 1) < 0.2 if rate else SLOWEST <= told <= FASTEST:
-            return unit, f"a guess by its steps, {told:.4g} Hz"
+        step_rate = 1 / (step * scale(unit, "s"))
+        if abs(step_rate / rate - 1) < 0.2 if rate else SLOWEST <= step_rate <= FASTEST:
+            return unit, f"a guess by its steps, {step_rate:.4g} Hz"
     return None, ""

@@ -50,11 +50,11 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
             raise WrongKeyError("", "has neither time nor rate: write one of them")
         if self.time_unit is not None and self.time is None:
             raise WrongKeyError("time_unit", "remove it", "belongs to a time column")
-        for one, other in (WRENCH, WRENCH[::-1]):
-            if getattr(self, one) is not None and getattr(self, other) is None:
+        for signal, other in (WRENCH, WRENCH[::-1]):
+            if getattr(self, signal) is not None and getattr(self, other) is None:
                 raise WrongKeyError(other, "add it")
-        if len(told := [key for key in MOTIONS if getattr(self, key) is not None]) > 1:
-            raise WrongKeyError("", f"tells the motion by {' and '.join(told)}: name one of them")
+        if len(motions := [key for key in MOTIONS if getattr(self, key) is not None]) > 1:
+            raise WrongKeyError("", f"tells the motion by {' and '.join(motions)}: name one of them")
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")
 

@@ -135,10 +135,10 @@ class DeclaredTable:
 
     def _check_rate(self, seconds: np.ndarray, uniform: np.ndarray) -> None:
         """Refuse a rate that coarse times contradict: samples are missing, or the rate is another."""
-        known = seconds[np.isfinite(seconds)]
-        off = known - uniform[np.isfinite(seconds)]
-        if np.ptp(off) > 1.01 * _resolution(known) + 1e-9:
-            mean = (len(off) - 1) / np.ptp(known)
+        finite = seconds[np.isfinite(seconds)]
+        off = finite - uniform[np.isfinite(seconds)]
+        if np.ptp(off) > 1.01 * _resolution(finite) + 1e-9:
+            mean = (len(off) - 1) / np.ptp(finite)
             raise RunError(
                 f"times in {self.path.name} depart by {np.ptp(off):.3g} s from {self.declared.rate:g} Hz: correct rate "
                 f"(the times tell some {mean:.6g} Hz), or the table, which may lack samples"
@@ -158,12 +158,12 @@ class DeclaredTable:
             unit = self.unit("time", "columns.time_unit", self.declared.time_unit)
         if unit is None:
             raise ExperimentError('columns.time_unit belongs to a time column: add it, such as time_unit = "s"')
-        known = times.dropna()
-        if not len(known):
+        numbered = times.dropna()
+        if not len(numbered):
             raise RunError(f"no times in column {quoted(str(self.declared.time))} of {name}: write rate instead")
-        factor, start = scale(unit, "s"), known.iloc[0]
-        if (float(known.max()) - min(float(known.min()), 0.0)) * factor > LATEST:
-            last = float(known.iloc[-1]) * factor
+        factor, start = scale(unit, "s"), numbered.iloc[0]
+        if (float(numbered.max()) - min(float(numbered.min()), 0.0)) * factor > LATEST:
+            last = float(numbered.iloc[-1]) * factor
             raise RunError(f"time in {name} reaches {last:.3g} s: correct columns.time_unit")
         nanoseconds = round(factor * NANOSECONDS)
         exact = nanoseconds >= 1 and isinstance(start, (int, np.integer))

@@ -196,8 +196,8 @@ class _Judgement:
         size = float(np.linalg.norm(gravity))
         down = gravity / size
         weight = fit.lift - fit.mass * gravity  # upwards
-        told = self.attitude.source != "poses" and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
-        mass = fit.mass if told else self.declared.mass
+        determined = self.attitude.source != "poses" and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
+        mass = fit.mass if determined else self.declared.mass
         length = float(np.linalg.norm(weight))
         across = np.linalg.norm(np.cross(weight, down))
         angle = float(np.arctan2(across, -weight @ down))
@@ -207,9 +207,11 @@ class _Judgement:
         if angle > max(LEAST_ANGLE, CERTAIN * spread) and self.attitude.source != "gyro":
             shown = along_axis(-weight / length, 3 * spread) * size
             degrees = with_uncertainty(np.degrees(angle), COVERAGE * np.degrees(spread))
-            found = Finding.GRAVITY_ELSEWHERE.on(self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt)
-            return GravityVerdict([found], gravity=shown)
-        if mass is not None and told:
+            elsewhere = Finding.GRAVITY_ELSEWHERE.on(
+                self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt
+            )
+            return GravityVerdict([elsewhere], gravity=shown)
+        if mass is not None and determined:
             sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
             return self._removed(mass, float(-weight @ down) / size, sigma, doubt)
         return GravityVerdict()
@@ -238,8 +240,8 @@ class _Judgement:
         removed = missing + declared.removed * declared.weighed
         amounts = {"weighs": weighs, "mass": mass, "removed": removed}
         figures = {name: with_uncertainty(value, COVERAGE * sigma) for name, value in amounts.items()}
-        found = Finding.WEIGHT_OF_ANOTHER_PAYLOAD.on(self.topic, doubt=doubt, **figures)
-        return GravityVerdict([found], final=True)
+        other_payload = Finding.WEIGHT_OF_ANOTHER_PAYLOAD.on(self.topic, doubt=doubt, **figures)
+        return GravityVerdict([other_payload], final=True)
 
 
 def along_axis(down: Vector, spread: float) -> Vector:

@@ -69,8 +69,8 @@ def overview(result: Identification) -> list[Table]:
     if second:
         wide = _second_intervals(result)
         mass_rows = [[*row, text] for row, text in zip(mass_rows, wide[:4], strict=True)]
-        known = zip(rows, wide[4:], result.determined, strict=True)
-        rows = [[*row, text if determined else "–"] for row, text, determined in known]
+        columns = zip(rows, wide[4:], result.determined, strict=True)
+        rows = [[*row, ends if determined else "–"] for row, ends, determined in columns]
     head = ["value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
     caption = f"Mass and centre of gravity: {result.centre_from}"
     return [Table("", ["g·m²", *head], rows), Table(caption, ["", head[0], *head[2:]], mass_rows)]
@@ -94,8 +94,8 @@ def _second_intervals(result: Identification) -> list[str]:
     texts = []
     for ends, unit, largest in zip([*centre, *wide.interval95], units, _largest(result), strict=True):
         half = float(np.ptp(ends)) / 2
-        known = _ends(unit * ends, decimals(unit * half)) if half > 0 else "–"
-        texts.append("not determined" if half > largest else known)
+        text = _ends(unit * ends, decimals(unit * half)) if half > 0 else "–"
+        texts.append("not determined" if half > largest else text)
     return texts
 
 
