@@ -36,7 +36,7 @@ from identify.signals.filters import response
 from identify.signals.run import Run
 from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum
 from identify.sums.residual_trace import trace
-from identify.sums.run_lines import FORCE, RunLines, run_lines
+from identify.sums.run_lines import FORCE, MOTION, RunLines, run_lines
 
 ROUNDS = 4
 """Fits, each with the spectrum of the one before."""
@@ -114,10 +114,12 @@ def whitened(
     used = unweighted if offsets == "still" else record
     near = slice(0, reach(inside, len(record), WIDER))
     x, y, pushes = used[near], used.about_cg(r_cg, near), used.signals_at(near)[FORCE].T
-    lever = np.cross(pushes[:, None, :], np.eye(3)[None]).swapaxes(1, 2)  # F × r, by r
+    angle = lines.transform(angle_turned(record.omega, lines.segments, run.rate))[near]
+    of_motion = _of_motion(pushes, np.hstack([record.signals_at(near)[MOTION].T, angle]), lines.constant[near], inside)
+    lever = _by_centre(pushes)
     constants = lines.constant[near, None, None] * np.eye(3)
     free = constants if offsets == "estimate" else constants[:, :, :0]
-    columns = np.concatenate([x, free, lever * sigma_r_cg], axis=2)
+    columns = np.concatenate([x, free, _by_centre(of_motion) * sigma_r_cg], axis=2)
     prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
     fit = fitted(columns, y, inside, lines.constants, power_gain[near], prior)
     inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency)[:inside]
@@ -125,8 +127,8 @@ def whitened(
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
     noise_of_fit = np.outer(shape, unpack(inertia) ** 2 @ alpha_noise(run, estimator) ** 2)
-    angle = lines.transform(angle_turned(record.omega, lines.segments, run.rate))[:inside]
-    follows = motion_columns(x[:inside] @ inertia, pushes[:inside], angle, lines.frequency[:inside], noise_of_fit)
+    moment = x[:inside] @ inertia
+    follows = motion_columns(moment, of_motion[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit)
     room = _with_room(weighed, columns[:inside], follows, fit)
     fitted_moment = fit.value[6:9] if offsets == "estimate" else np.zeros(3)
     at_fit = used.less_wrench(np.zeros(3), fitted_moment), r_cg - sigma_r_cg * fit.value[-3:]
@@ -158,6 +160,21 @@ def whitened(
     )  # fmt: skip
     extended = _equations_of(room.rows, x[:inside], *sides)
     return Weighed(weighted=estimate, plain=plain, extended=extended, scores=scores, enough=True)
+
+
+def _by_centre(force: np.ndarray) -> np.ndarray:
+    """Derivative of ``F × r`` with respect to r, of lines of the force (k, 3): (k, 3, 3)."""
+    return np.cross(force[:, None, :], np.eye(3)[None]).swapaxes(1, 2)
+
+
+def _of_motion(force: np.ndarray, motion: np.ndarray, constant: np.ndarray, inside: int) -> np.ndarray:
+    """Return the part of the force's lines that motion, attitude and a constant explain, (k, 3) [N].
+
+    The noise of the measured force stands in ``M - r × F`` too, so a column of it would draw r_CG towards zero.
+    """
+    columns = np.column_stack([motion, constant])
+    size = np.maximum(np.linalg.norm(columns[:inside], axis=0), 1e-300)  # features differ in unit
+    return columns / size @ np.linalg.lstsq(columns[:inside] / size, force[:inside], rcond=COLLINEAR)[0]
 
 
 @dataclass(frozen=True, eq=False)

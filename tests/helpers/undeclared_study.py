@@ -2,7 +2,7 @@
 
 A run is one of tests/helpers/laboratory.py with gains (common and by axis), cross-talk, axes of load cell and gyro, gyro scale, delay, mass,
 accelerometer scale and the mounting's frequency off: all of them, each alone, or two at random. It is identified from its file as
-``inertia identify`` does. The oracle is told the size of all, which is the best that a second interval can do that does not know which
+``inertia identify`` does. The oracle knows the size of all, which is the best that a second interval can do that does not know which
 errors there are.
 
     python -m tests.helpers.undeclared_study --runs 20 --sizes 0.3 1 3
@@ -159,7 +159,7 @@ def main() -> None:
         cases = [(name,) for name in ERRORS]
     else:
         cases = pairs(arguments.pairs) if arguments.pairs else [tuple(ERRORS)]
-    print("| error | size | runs | first, % | second, % | told, % | silent | warned | score |\n|" + "---|" * 9)
+    print("| error | size | runs | first, % | second, % | exact size, % | silent | warned | score |\n|" + "---|" * 9)
     with ProcessPoolExecutor(arguments.processes) as pool:
         for size in arguments.sizes:
             every = []

@@ -10,9 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from identify.identification import identify
 from tests.helpers.laboratory import FULL_SCALE, measure
 from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
+from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.identification.systematic_errors import estimate, problem_of, with_declared_sources
 from uq.sources.constant_errors import no_errors
@@ -102,3 +104,18 @@ def test_the_centre_of_gravity_widens_gls_by_its_own_derivative(tmp_path):
     known = np.array(ours.diagnostics["standard_uncertainty_from_cg"])
     assert ours.budget["r_cg"].max() < 0.2 * plain.budget["r_cg"].max()
     np.testing.assert_allclose(ours.budget["r_cg"], known, rtol=0.03, atol=3e-3 * known.max())
+
+
+def test_the_forces_noise_does_not_draw_the_centre_of_gravity():
+    """The noise of F is in ``M - r × F`` too: a fit that takes it for a sign of r's error misses I22 by its uncertainty."""
+    experiment = Experiment.load("barreto2016")
+    run, stated = simulate(experiment, "T1", seed=0).run, (0.15e-3, 0.13e-3, 0.16e-3)
+    weighted, plain = (
+        identify(
+            run, r_cg=experiment.stated_r_cg, sigma_r_cg=stated, estimator=experiment.estimator("smoothed"),
+            method=method,
+        )
+        for method in ("gls", "source")
+    )  # fmt: skip
+    assert weighted.warnings == plain.warnings == ()
+    np.testing.assert_array_less(np.abs(weighted.inertia - plain.inertia), 0.3 * plain.standard_uncertainty)
