@@ -1,8 +1,12 @@
-"""The examples of docs/how-to/extending.md: each new file is put into its folder, found, and used as the page shows."""
+"""The examples of docs/how-to/extending.md: a package that has the files and their entry points, used as the page shows."""
 
 import importlib
+import pkgutil
 import re
+import shutil
 import sys
+import tomllib
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
@@ -12,39 +16,59 @@ from rig.record.port import converse
 from uq.sources.source import KINDS
 
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "extending.md"
-FILE = re.compile(r"File `(\w+\.py)` in `([\w/]+)/`:\n\n```{literalinclude} (\S+)\n:language: python\n```")
 USE = re.compile(r"```(python|toml)\n(.*?)```", re.S)
+GROUPS = {
+    "sources": "uq.sources.kinds",
+    "devices": "rig.devices",
+    "exports": "uq.bodies.export_formats",
+    "motions": "uq.motion_design.motion_formats",
+    "methods": "identify.methods",
+}
+"""Rooms of what the entry points of each group name."""
+NOT_NAMED = {"base", "checksums", "conversation", "parser"}
+"""Modules of these rooms that several others share."""
 
 
 def section(title):
-    """The files of a section by folder, its experiment files by the name of their source, and its scripts in order."""
-    text = PAGE.read_text("utf-8").split(f"## {title}\n")[1].split("\n## ")[0]
-    blocks = USE.findall(FILE.sub("", text))
+    """The experiment files of a section by the name of their source, and its scripts in order."""
+    blocks = USE.findall(PAGE.read_text("utf-8").split(f"## {title}\n")[1].split("\n## ")[0])
     sources = {re.search(r'name = "(\w+)"', block)[1].upper(): block for kind, block in blocks if kind == "toml"}
-    files = [(name, folder, (PAGE.parent / path).read_text("utf-8")) for name, folder, path in FILE.findall(text)]
-    return files, sources, [block for kind, block in blocks if kind == "python"]
+    return sources, [block for kind, block in blocks if kind == "python"]
 
 
 @pytest.fixture
-def folders(tmp_path, monkeypatch):
-    """What puts files into folders of the packages, for the length of a test."""
-    kinds, added = dict(KINDS), []
-
-    def put(files):
-        for number, (name, folder, content) in enumerate(files):
-            place = tmp_path / str(number)
-            place.mkdir()
-            (place / name).write_text(content, "utf-8")
-            package = importlib.import_module(folder.replace("/", "."))
-            monkeypatch.setattr(package, "__path__", [*package.__path__, str(place)])
-            added.append(f"{package.__name__}.{name.removesuffix('.py')}")
-            importlib.import_module(added[-1])
-
-    yield put
-    for module in added:
-        sys.modules.pop(module, None)
+def extended(tmp_path, monkeypatch):
+    """The page's package as if it were installed, for the length of a test."""
+    kinds, (_, project) = dict(KINDS), USE.search(PAGE.read_text("utf-8")).groups()
+    described = tmp_path / "my_rig-1.0.dist-info"
+    described.mkdir()
+    (described / "METADATA").write_text("Name: my-rig\nVersion: 1.0\n")
+    named = tomllib.loads(project)["project"]["entry-points"]
+    lines = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in names.items())
+        for group, names in named.items()
+    ]
+    (described / "entry_points.txt").write_text("".join(lines))
+    shutil.copytree(PAGE.parents[1] / "extensions", tmp_path / "my_rig")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(PAGE.parents[1])
+    for group, room in GROUPS.items():
+        monkeypatch.setattr(importlib.import_module(room), "ENTRIES", entry_points(group=f"inertia_uq.{group}"))
+    entry_points(group="inertia_uq.sources")["thermal_zero"].load()
+    yield
+    for module in [name for name in sys.modules if name.partition(".")[0] == "my_rig"]:
+        del sys.modules[module]
     KINDS.clear()
     KINDS.update(kinds)
+
+
+@pytest.mark.parametrize(("group", "room"), GROUPS.items())
+def test_every_file_of_ours_is_an_entry_point(group, room):
+    modules = {module.name for module in pkgutil.iter_modules(importlib.import_module(room).__path__)} - NOT_NAMED
+    entries = entry_points(group=f"inertia_uq.{group}")
+    assert {entry.module for entry in entries} == {f"{room}.{module}" for module in modules}
+    assert {entry.name.replace("-", "_") for entry in entries} == modules
+    assert len(entries) == len(modules)
 
 
 def run(scripts, names):
@@ -54,12 +78,9 @@ def run(scripts, names):
     return names
 
 
-def test_a_new_kind_of_error_source(folders, monkeypatch):
-    monkeypatch.chdir(PAGE.parents[1])
-    files, sources, scripts = section("A new kind of error source")
-    folders(files)
+def test_a_new_kind_of_error_source(extended):
+    sources, scripts = section("A new kind of error source")
     names = run(scripts, sources)
-    assert [name for name, *_ in files] == ["thermal_zero.py"]
     # 200 trials tell a 3σ within 5 %: 1e-4 false alarms in six components at 4.2 of these
     np.testing.assert_allclose(names["monte_carlo"], names["by_law"], rtol=0.21)
     assert (names["by_law"] > 0).all()
@@ -79,9 +100,8 @@ class Wire:
         return answer
 
 
-def test_a_new_device(folders):
-    files, _, scripts = section("A new device")
-    folders(files)
+def test_a_new_device(extended):
+    _, scripts = section("A new device")
     names = run(scripts, {})
     assert converse(names["device"].start(), Wire(names["sensor"])).model == "ACME 6"
     assert names["sensor"].streaming
@@ -90,9 +110,8 @@ def test_a_new_device(folders):
     assert (names["parser"].counts.missing, names["parser"].counts.skipped) == (1, len(b"noise"))
 
 
-def test_a_new_export_format(folders, tmp_path):
-    files, _, scripts = section("A new export format")
-    folders(files)
+def test_a_new_export_format(extended, tmp_path):
+    _, scripts = section("A new export format")
     exported = run(scripts, {})["exported"]
     exported.write(tmp_path)
     text = (tmp_path / "body.m").read_text("utf-8")
@@ -102,10 +121,8 @@ def test_a_new_export_format(folders, tmp_path):
     assert set(exported.to_dict()) == {"matlab", "urdf"}
 
 
-def test_a_new_estimator(folders, monkeypatch):
-    monkeypatch.chdir(PAGE.parents[1])
-    files, _, scripts = section("A new estimator")
-    folders(files)
+def test_a_new_estimator(extended):
+    _, scripts = section("A new estimator")
     from uq import Experiment
 
     names = run(scripts, {"Experiment": Experiment})

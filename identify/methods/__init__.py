@@ -1,14 +1,14 @@
 """Estimators, one file each: from runs and priors to the tensor.
 
-The name of the file is the method's in ``identify(..., method=)``, ``recording.method`` and ``--method``.
+The name of an entry point of the group ``inertia_uq.methods`` is the method's in ``identify(..., method=)``,
+``recording.method`` and ``--method``.
 """
 
-from pkgutil import iter_modules
+from importlib.metadata import entry_points
 
-SHARED = ("base",)
-"""Modules here that are no estimator."""
+ENTRIES = entry_points(group="inertia_uq.methods")
 
 
 def names() -> tuple[str, ...]:
     """Return the names of all estimators, without importing them."""
-    return tuple(sorted(module.name for module in iter_modules(__path__) if module.name not in SHARED))
+    return tuple(sorted(ENTRIES.names))

@@ -4,11 +4,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from typing import ClassVar
 
 import numpy as np
 
+from identify import methods
 from identify.choices import CgMotion, OffsetChoice
 from identify.exceptions import RunError
 from identify.joint.alignment_prior import Alignment
@@ -86,8 +86,5 @@ class Method(ABC):
 
 
 def estimator_of(name: str) -> Method:
-    """Return the estimator of the file of this name."""
-    module = import_module(f"identify.methods.{name}")
-    classes = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, Method)]
-    (estimator,) = (value for value in classes if value.__module__ == module.__name__)
-    return estimator()
+    """Return the estimator of this name."""
+    return methods.ENTRIES[name].load()()

@@ -1,23 +1,19 @@
 """The devices, one file per family: bytes to samples and back, without I/O.
 
-The name of the file is the device's ``kind`` in a rig file, with ``-`` for ``_``.
+The name of an entry point of the group ``inertia_uq.devices`` is the device's ``kind`` in a rig file.
 """
 
-from importlib import import_module
-from pkgutil import iter_modules
+from importlib.metadata import entry_points
 
 from rig.devices.base import Device
 from rig.exceptions import RigError, quoted
 
-SHARED = ("base", "checksums", "conversation", "parser")
-"""Modules here that are no device."""
+ENTRIES = entry_points(group="inertia_uq.devices")
 
 
 def kinds() -> tuple[str, ...]:
     """The kinds of all devices, without importing them."""
-    return tuple(
-        sorted(module.name.replace("_", "-") for module in iter_modules(__path__) if module.name not in SHARED)
-    )
+    return tuple(sorted(ENTRIES.names))
 
 
 def device_class(kind: str) -> type[Device]:
@@ -28,9 +24,7 @@ def device_class(kind: str) -> type[Device]:
     """
     if kind not in kinds():
         raise RigError(f"unknown device kind {quoted(kind)}: choose one of {', '.join(kinds())}")
-    module = import_module(f"{__name__}.{kind.replace('-', '_')}")
-    classes = [item for item in vars(module).values() if isinstance(item, type) and item.__module__ == module.__name__]
-    return next(item for item in classes if issubclass(item, Device))
+    return ENTRIES[kind].load()
 
 
 def create_device(kind: str, **options: object) -> Device:

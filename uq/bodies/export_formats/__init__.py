@@ -1,16 +1,17 @@
-"""Export formats, one file each: the name of the file is that of the format, its ``FORMAT`` what is written.
+"""Export formats, one file each: an entry point of the group ``inertia_uq.exports`` names an :class:`ExportFormat`.
 
-A new format is one new file; see docs/how-to/extending.md.
+docs/how-to/extending.md shows a new one.
 """
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from pkgutil import iter_modules
+from importlib.metadata import entry_points
 from typing import NamedTuple
 
 from rig.exceptions import quoted
 from uq.bodies.exported_body import ExportedBody
 from uq.files.document import ExperimentError
+
+ENTRIES = entry_points(group="inertia_uq.exports")
 
 
 class ExportFormat(NamedTuple):
@@ -25,7 +26,7 @@ class ExportFormat(NamedTuple):
 
 def names() -> tuple[str, ...]:
     """Return the names of all formats, without importing them."""
-    return tuple(sorted(module.name for module in iter_modules(__path__)))
+    return tuple(sorted(ENTRIES.names))
 
 
 def chosen(formats: str | Sequence[str]) -> tuple[str, ...]:
@@ -43,4 +44,4 @@ def chosen(formats: str | Sequence[str]) -> tuple[str, ...]:
 
 def export_format(name: str) -> ExportFormat:
     """Return a format, by its name out of :func:`names`."""
-    return import_module(f"{__name__}.{name}").FORMAT
+    return ENTRIES[name].load()

@@ -1,15 +1,15 @@
-"""Formats of motion files, one file each: its ``FORMAT`` says what is written, and how it is read back and compared.
+"""Formats of motion files, one file each: what is written, and how it is read back and compared.
 
-A new format is one new file.
+An entry point of the group ``inertia_uq.motions`` names a :class:`MotionFormat`.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from importlib import import_module
-from pkgutil import iter_modules
+from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
 import numpy as np
 
+ENTRIES = entry_points(group="inertia_uq.motions")
 EXACT = 2e-9
 """Largest difference of a read value from the motion: rounding to decimals, and to nanoseconds of an instant."""
 
@@ -47,7 +47,7 @@ class MotionFile(NamedTuple):
 
 def formats(command: type) -> list[MotionFormat]:
     """Return the formats that hold a class of commands, those of the most rows a second first."""
-    every = [import_module(f"{__name__}.{module.name}").FORMAT for module in iter_modules(__path__)]
+    every = [entry.load() for entry in ENTRIES]
     chosen = [motion_format for motion_format in every if motion_format.command is command]
     return sorted(chosen, key=lambda motion_format: (-motion_format.rate, motion_format.ending))
 

@@ -1,10 +1,12 @@
-"""The kinds of error, one file each; every file in this folder is imported, and what it defines is registered.
+"""The kinds of error, one file each; loading the entry points of the group ``inertia_uq.sources`` registers them.
 
-A new kind is one new file: a subclass of :class:`uq.sources.source.ErrorKind`; see docs/how-to/extending.md.
+A new kind is a subclass of :class:`uq.sources.source.ErrorKind`; see docs/how-to/extending.md.
 """
 
-from importlib import import_module
-from pkgutil import iter_modules
+from importlib.metadata import entry_points
 
-for _file in iter_modules(__path__):
-    import_module(f"{__name__}.{_file.name}")
+ENTRIES = entry_points(group="inertia_uq.sources")
+if not ENTRIES:  # a checkout that was installed when its kinds of error were no entry points yet
+    raise ImportError("inertia-uq has no kinds of error: install it anew (make env, pip install)")
+for entry in ENTRIES:
+    entry.load()
