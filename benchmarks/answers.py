@@ -40,7 +40,7 @@ RUNS = 10
 
 def recordings(folder: Path) -> None:
     """Write the runs that are identified: T1 of the preset, and runs of 30 s with other draws."""
-    ten_seconds = (HERE / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
+    ten_seconds = (HERE / "uq" / "examples" / "t1-10s.toml").read_text("utf-8")
     brief = folder / "brief.toml"
     brief.write_text(
         ten_seconds.replace('duration = "10 s"', 'duration = "30 s"').replace("../../uq", str(HERE / "uq")), "utf-8"
@@ -54,7 +54,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
     """Return the commands by name; ``--out`` is a folder of its own."""
     t1, brief = str(folder / "T1.mcap"), [str(folder / f"brief{k}.mcap") for k in range(RUNS)]
     preset, short = ["--experiment", "barreto2016"], ["--experiment", str(folder / "brief.toml")]
-    many = str(HERE / "docs" / "experiments" / "many-errors.toml")
+    many = str(HERE / "uq" / "examples" / "many-errors.toml")
     return {
         "inspect T1": ["inspect", t1],
         "identify T1": ["identify", t1, *preset],

@@ -25,7 +25,7 @@ from uq.planning.required_duration import growth_of, lasting, required_duration
 from uq.recorded.time_window import TimeWindow
 from uq.terminal.common import start_jax
 
-EXPERIMENT = Path(__file__).parent.parent / "docs" / "experiments" / "t1-10s.toml"
+EXPERIMENT = Path(__file__).parent.parent / "uq" / "examples" / "t1-10s.toml"
 TARGET = 2.5e-3
 """Half the interval of 95 % of every component [kg·m²]."""
 NORMAL = 1.959963984540054

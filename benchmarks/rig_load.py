@@ -22,7 +22,7 @@ from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap.message_fields import IMU, JOINTS, WRENCH
 
-EXPERIMENT = Path(__file__).parent.parent / "docs" / "experiments" / "t1-10s.toml"
+EXPERIMENT = Path(__file__).parent.parent / "uq" / "examples" / "t1-10s.toml"
 FACTS = ("samples", "missing", "reordered", "failures", "overflow_bytes", "complete", "clock_skew_ppm")
 
 RIG = """
@@ -96,7 +96,7 @@ def usage(pid: int) -> tuple[float, float]:
 def record(folder: Path, seconds: float, *more: str) -> dict:
     """Record for so long; returns what the recorder reports and what it used."""
     command = [sys.executable, "-m", "uq.cli.main", "record", str(folder / "rig.toml"), "-o", str(folder / "out.mcap")]
-    command += more
+    command += ["--json", *more]
     start = time.monotonic()
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while b"ready" not in process.stderr.readline():

@@ -68,7 +68,7 @@ def true_signals(experiment, trajectory):
 def main():
     """Print the mean error and 3 sigma of each group on ten seconds of T1, in g m^2."""
     jax.config.update("jax_enable_x64", True)
-    experiment = Experiment.load(Path(__file__).with_name("experiments") / "t1-10s.toml")
+    experiment = Experiment.load(Path(__file__).parents[1] / "uq" / "examples" / "t1-10s.toml")
     sources = experiment.sources
     names = ["total", *dict.fromkeys(source.group for source in sources)]
     groups = [{s.name for s in sources if name in ("total", s.group)} for name in names]

@@ -15,7 +15,8 @@ import pytest
 from rig.record.port import converse
 from uq.sources.source import KINDS
 
-PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "extending.md"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "how-to" / "extending.md"
 USE = re.compile(r"```(python|toml)\n(.*?)```", re.S)
 GROUPS = {
     "sources": "uq.sources.kinds",
@@ -51,7 +52,7 @@ def extended(tmp_path, monkeypatch):
     (described / "entry_points.txt").write_text("".join(lines))
     shutil.copytree(PAGE.parents[1] / "extensions", tmp_path / "my_rig")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.chdir(PAGE.parents[1])
+    monkeypatch.chdir(ROOT / "uq" / "examples")
     for group, room in GROUPS.items():
         monkeypatch.setattr(importlib.import_module(room), "ENTRIES", entry_points(group=f"inertia_uq.{group}"))
     entry_points(group="inertia_uq.sources")["thermal_zero"].load()

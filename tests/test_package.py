@@ -52,7 +52,7 @@ def test_the_wheel_has_every_file_of_the_packages_and_no_other(site):
         path.relative_to(ROOT)
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.is_file() and path.suffix in {".py", ".pyi", ".typed", ".toml", ".json", ".html", ".css", ".js"}
+        if path.is_file() and path.suffix != ".pyc"
     }
     packed = {path.relative_to(site) for path in site.rglob("*") if path.is_file()}
     (described,) = {path.parts[0] for path in packed} - set(PACKAGES)
@@ -74,6 +74,18 @@ def test_it_runs_from_an_empty_folder(site, tmp_path):
     status, printed, _ = run("-m", "uq", "schema", "body", path=[site], cwd=tmp_path)
     assert status == 0
     assert printed.startswith("{")
+    for _ in range(2):  # what is there already may stay
+        status, printed, complaint = run(
+            "-m", "uq", "examples", "weigh", "rig-imu", "-o", "e", path=[site], cwd=tmp_path
+        )
+        assert (status, complaint) == (0, "")
+        assert {*printed.split()} == {"e/weigh.toml", "e/weigh.csv", "e/rig-imu.toml"}
+    schema = (tmp_path / "e/rig-imu.toml").read_text("utf-8").splitlines()[0].removeprefix("#:schema ")
+    assert schema == (site / "uq/schemas/rig.json").as_uri()
+    (tmp_path / "e/weigh.csv").write_text("mine")
+    status, _, complaint = run("-m", "uq", "examples", "-o", "e", path=[site], cwd=tmp_path)
+    assert (status, complaint.split(" and ")[0]) == (2, "error: e/weigh.csv is there")
+    assert not (tmp_path / "e/robot.toml").exists()
 
 
 @pytest.mark.parametrize("installed", ["after", "before", "elsewhere"])

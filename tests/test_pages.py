@@ -1,7 +1,7 @@
 """Every block of code on the documentation's pages runs as it stands, and prints what the page says that it prints.
 
-A page's blocks run in order, in one folder that has the experiments and rigs of the documentation: ``python`` in one
-namespace, ``console`` by the command itself, with ``…`` for anything in what it prints; ``toml`` is read. The line
+A page's blocks run in order, in a folder that is empty at first, as a reader's: ``python`` in one namespace,
+``console`` by the command itself, with ``…`` for anything in what it prints; ``toml`` is read. The line
 ``<!-- study -->`` above a block keeps it and those below it for ``make study``; ``<!-- not run -->`` leaves one out.
 """
 
@@ -9,7 +9,6 @@ import contextlib
 import io
 import re
 import shlex
-import shutil
 import tomllib
 from pathlib import Path
 
@@ -33,8 +32,6 @@ WAITING = {
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    for name in ("experiments", "rigs"):
-        shutil.copytree(DOCS / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
     return tmp_path

@@ -61,7 +61,7 @@ def _silent(*_: object) -> None:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
+    parser.add_argument("experiment", nargs="?", default="uq/examples/arm.toml")
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--plain-runs", type=int, default=100)

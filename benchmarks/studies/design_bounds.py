@@ -77,7 +77,7 @@ def longest_period(limits: Limits) -> float:
     return (HARMONICS + 1) / limits.bandwidth
 
 
-def main(path: str = "docs/experiments/designed.toml") -> None:
+def main(path: str = "uq/examples/designed.toml") -> None:
     """Print mean squares and bounds for an experiment's design and T1."""
     experiment = Experiment.load(path)
     limits = resolved_limits(experiment, 160)

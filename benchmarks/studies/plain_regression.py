@@ -174,7 +174,7 @@ def coverage_lines(limits: ArmLimits, stated: dict[str, Stated]) -> list[str]:
 def main() -> None:
     """Print the lines."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("experiment", nargs="?", default="docs/experiments/arm.toml")
+    parser.add_argument("experiment", nargs="?", default="uq/examples/arm.toml")
     parser.add_argument("--duration", type=float, default=60.0)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--sysid-runs", type=int, default=20)

@@ -169,7 +169,7 @@ class Campaign:
 def main() -> None:
     """Compare; exit status 1 where a digit differs or nothing was resumed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.slurm", description=__doc__)
-    parser.add_argument("--experiment", type=Path, default=ROOT / "docs" / "experiments" / "t1-10s.toml")
+    parser.add_argument("--experiment", type=Path, default=ROOT / "uq" / "examples" / "t1-10s.toml")
     parser.add_argument("--trials", type=int, default=20_000, help="of each campaign, by samples (20,000)")
     options = parser.parse_args()
     if missing := [name for name in DAEMONS if not shutil.which(name)]:

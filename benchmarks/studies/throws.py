@@ -142,7 +142,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--experiment", default="docs/experiments/throws.toml")
+    parser.add_argument("--experiment", default="uq/examples/throws.toml")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     if not AVAILABLE:

@@ -135,7 +135,7 @@ def differing(actions: Sequence[Callable[[], Any]]) -> tuple[list[str], set[str]
 
 def sigma_to_table(folder: Path) -> list[str]:
     """Return the files between a sigma and a cell of Table 2: one trajectory of 10 s, three trials on sums."""
-    text = (ROOT / "docs/experiments/t1-10s.toml").read_text("utf-8")
+    text = (ROOT / "uq/examples/t1-10s.toml").read_text("utf-8")
     path = folder / "experiment.toml"
     path.write_text(text.replace("../..", str(ROOT)), "utf-8")
     document = dict(Experiment.load(path).document)
@@ -153,13 +153,13 @@ def sigma_to_table(folder: Path) -> list[str]:
 
 def byte_to_tensor(folder: Path) -> tuple[list[str], list[str]]:
     """Return the files between a byte of a serial port and the tensor, and those that judge the samples meanwhile."""
-    experiment = Experiment.load(ROOT / "docs/experiments/t1-10s.toml")
+    experiment = Experiment.load(ROOT / "uq/examples/t1-10s.toml")
     run = simulate(experiment, "T1").run
     simulate(experiment, "T1").write(folder / "true.mcap")
     played = read(folder / "true.mcap")
     played.wrench.force[:, 0] = MARK
     write(folder / "simulated.mcap", wrench=played.wrench, imu=played.imu)
-    (folder / "rig.toml").write_text((ROOT / "docs/rigs/emulated.toml").read_text("utf-8"), "utf-8")
+    (folder / "rig.toml").write_text((ROOT / "uq/examples/rig-emulated.toml").read_text("utf-8"), "utf-8")
 
     def recorded() -> None:
         Recorder(load_rig(folder / "rig.toml"), folder / "run.mcap").run(seconds=2)

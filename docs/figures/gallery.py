@@ -15,7 +15,7 @@ DOCS = Path(__file__).parents[1]
 
 def draw():
     """Every picture by the name of its file."""
-    robot, short = (Experiment.load(DOCS / "experiments" / f"{name}.toml") for name in ("robot", "t1-10s"))
+    robot, short = (Experiment.load(DOCS.parent / "uq" / "examples" / f"{name}.toml") for name in ("robot", "t1-10s"))
     yield "budget", budget(Experiment.load("barreto2016"), trials=300).figures()["budget"]
     yield "robot-sources", montecarlo(robot).figures()["breakdown-wrist-smoothed"]
     result = paper()

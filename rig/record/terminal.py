@@ -6,12 +6,12 @@ import os
 import select
 import shutil
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from io import TextIOBase
 from typing import Any, TextIO
 
 from rig.exceptions import on_one_line
-from rig.record.recorder import Progress, Summary
+from rig.record.recorder import Progress
 
 POSIX = hasattr(os, "tcgetpgrp")
 """Whether keys and pipes can be waited for as on POSIX systems; otherwise as on Windows."""
@@ -81,21 +81,6 @@ class Terminal:
         if self.live:
             self._stream.write("\n")
             self._height = 0
-
-
-def summary_lines(summary: Summary) -> Iterator[str]:
-    """Return a recording's summary as lines for a reader; a program reads the summary's JSON."""
-    for name, device in summary.devices.items():
-        trouble = "" if device["state"] == "ok" else f", {str(device['state']).upper()}"
-        yield (
-            f"{name}: {device['samples']:,} samples on {device['topic']} at {device['rate_hz']:.6g} Hz, "
-            f"{device['missing']:,} missing{trouble}"
-        )
-    for name, delay in summary.delays.items():
-        yield f"{name}: the IMU follows it by {1e3 * delay['delay_s']:.1f} ms"
-    marks = f", {summary.marks} marks" if summary.marks else ""
-    state = "complete" if summary.complete else "NOT COMPLETE"
-    yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {state}"
 
 
 class Keys:

@@ -22,7 +22,7 @@ from uq.experiment.experiment import Experiment
 ROOT = Path(__file__).parents[2]
 
 BODIES = ("cylinder", "cad-report")
-"""Files of docs/experiments that are no experiments."""
+"""Files of uq/examples that are no experiments."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Kind:
 
 def kinds(folder: Path) -> dict[str, Kind]:
     """Make the files that are not shipped, in a folder; return every kind by name."""
-    experiments = ROOT / "docs" / "experiments"
+    experiments = ROOT / "uq" / "examples"
     for name in ("designed.csv", "many-errors-cg.csv", "arm.urdf"):
         shutil.copy(experiments / name, folder)
-    brief = (ROOT / "docs" / "experiments" / "t1-10s.toml").read_bytes().replace(b'"10 s"', b'"4 s"')
+    brief = (ROOT / "uq" / "examples" / "t1-10s.toml").read_bytes().replace(b'"10 s"', b'"4 s"')
     brief = brief.replace(b'"1.5 s"', b'"0.6 s"').replace(b'"400 Hz"', b'"200 Hz"')
     (folder / "e.toml").write_bytes(brief)
     run = simulate(Experiment.load(folder / "e.toml"), "T1")
@@ -54,7 +54,11 @@ def kinds(folder: Path) -> dict[str, Kind]:
     return {
         "experiment": Kind(
             ".toml",
-            tuple(path.read_bytes() for path in sorted(experiments.glob("*.toml")) if path.stem not in BODIES)
+            tuple(
+                path.read_bytes()
+                for path in sorted(experiments.glob("*.toml"))
+                if not path.stem.startswith(("rig-", *BODIES))
+            )
             + ((ROOT / "uq" / "presets" / "barreto2016.toml").read_bytes(), brief),
             lambda name: ["inspect", "plain.mcap", "--experiment", name],
         ),
@@ -66,7 +70,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         ),
         "rig": Kind(
             ".toml",
-            tuple(path.read_bytes() for path in sorted((ROOT / "docs" / "rigs").glob("*.toml"))),
+            tuple(path.read_bytes() for path in sorted(experiments.glob("rig-*.toml"))),
             lambda name: ["record", name, "--seconds", "0.1", "-o", "nowhere/run.mcap"],
             behind="no folder nowhere",
         ),

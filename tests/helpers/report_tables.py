@@ -3,7 +3,7 @@
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-T1 = (ROOT / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
+T1 = (ROOT / "uq" / "examples" / "t1-10s.toml").read_text("utf-8")
 FULL = """
 [report]
 title = "Inertia tensor of a drone"

@@ -134,11 +134,11 @@ class Bench:
 
 
 class Recording:
-    """``inertia record`` as a process; ready when the constructor returns, unless ``wait`` is False."""
+    """``inertia record --json`` as a process; ready when the constructor returns, unless ``wait`` is False."""
 
     def __init__(self, *arguments, wait=True, stdin=subprocess.PIPE, **options):
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        command = [sys.executable, "-m", "uq.cli.main", "record", *map(str, arguments)]
+        command = [sys.executable, "-m", "uq.cli.main", "record", "--json", *map(str, arguments)]
         self.process = subprocess.Popen(
             command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment, **options
         )

@@ -14,7 +14,7 @@ from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 
 ROOT = Path(__file__).parents[2]
-T1 = tomllib.loads((ROOT / "docs" / "experiments" / "t1-10s.toml").read_text())
+T1 = tomllib.loads((ROOT / "uq" / "examples" / "t1-10s.toml").read_text())
 TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 EYE = np.eye(3)
 SWAP = EYE[[1, 0, 2]]

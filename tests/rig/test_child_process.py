@@ -47,7 +47,7 @@ def run(command, folder, **environment):
 def test_a_recording_runs_no_module_of_the_working_folder(folder, more):
     (folder / "ramp.mcap").write_bytes(ramp_file(2.0))
     (folder / "rig.toml").write_text(RIG)
-    (folder / "e.toml").write_text((ROOT / "docs/experiments/t1-10s.toml").read_text())
+    (folder / "e.toml").write_text((ROOT / "uq/examples/t1-10s.toml").read_text())
     inertia = [sys.executable, "-P", "-m", "uq", "record", "rig.toml", "-o", "run.mcap", "--seconds", "0.2", *more]
     done, ran = run(inertia, folder, PYTHONPATH=str(ROOT))
     assert ran == ""

@@ -34,6 +34,7 @@ COMMANDS = {
     "centre": "mass, centre of gravity and the load cell's offsets from static poses",
     "plan": "which sensor is worth improving, and how long must I measure?",
     "design": "the best trajectory this platform can run, as poses and leg lengths",
+    "examples": "the experiments, rigs and bodies that the documentation uses, to run and to change",
     "schema": "the JSON Schema of a TOML file, for editors",
     "identify": "identify the inertia tensor from recorded runs",
 }
@@ -41,7 +42,7 @@ COMMANDS = {
 
 BROKEN_PIPE = 141
 """Exit status where nobody reads on: 128 and the number of SIGPIPE, which not every system has."""
-WITHOUT_JAX = ("record", "recover", "inspect", "schema")
+WITHOUT_JAX = ("record", "recover", "inspect", "examples", "schema")
 LEAST_MEMORY = 7 * 2**28
 """Bytes of address space below which JAX does not start but aborts the process with a page of text."""
 SELDOM = 1_000_000

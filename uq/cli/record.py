@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from identify.text_tables import text_table
 from rig.exceptions import RigError, on_one_line, quoted
 
 if TYPE_CHECKING:
-    from rig.record.recorder import Progress
+    from rig.record.recorder import Progress, Summary
     from uq.live.second_process import SecondProcess
 
 ERRORS = (RigError,)
@@ -24,6 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", help="RUN.mcap, or a folder in which runs are numbered")
     parser.add_argument("--seconds", type=float, help="stop after this many seconds (default: until Ctrl-C)")
     parser.add_argument("--note", default="", help="a note for the file's metadata")
+    parser.add_argument("--json", action="store_true", help="print at the end what was recorded as a line of JSON")
     parser.add_argument("--list", nargs="*", metavar="PORT", help="show ports and the devices that answer on them")
     parser.add_argument("--watch", action="store_true", help="show live values, write nothing")
     parser.add_argument("--identify", metavar="E.toml", help="identify while recording, by this experiment file")
@@ -99,7 +101,7 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
     from rig.record import memory, rig_file
     from rig.record.recorder import Recorder
     from rig.record.recording_file import run_path
-    from rig.record.terminal import Keys, Terminal, summary_lines
+    from rig.record.terminal import Keys, Terminal
     from uq.terminal.standard_streams import uncontrolled
 
     memory.share_one_arena()
@@ -124,12 +126,33 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
             summary = recorder.run(arguments.seconds, progress=show)
             terminal.done()
             tell()
-            at_terminal = sys.stdout is not None and sys.stdout.isatty()
-            lines = summary_lines(summary) if at_terminal else [json.dumps(summary.to_dict())]
+            lines = [json.dumps(summary.to_dict())] if arguments.json else summary_lines(summary)
             print(*map(on_one_line, lines), sep="\n", flush=True)
     reached = target if process is not None and process.target_reached else None
     identified = arguments.identify is None or _identified(path, arguments.identify, reached, terminal.say)
     return 0 if summary.complete and identified else 1
+
+
+def summary_lines(summary: "Summary") -> Iterator[str]:
+    """Return what was recorded as a table of devices and a line on the file."""
+    head = ("device", "topic", "samples", "rate [Hz]", "missing", "state")
+    rows = [
+        (
+            name,
+            str(device["topic"]),
+            f"{device['samples']:,}",
+            f"{device['rate_hz']:.6g}",
+            f"{device['missing']:,}",
+            str(device["state"]),
+        )
+        for name, device in summary.devices.items()
+    ]
+    yield from text_table(head, rows).splitlines()
+    for name, delay in summary.delays.items():
+        yield f"{name}: the IMU follows it by {1e3 * delay['delay_s']:.1f} ms"
+    marks = f", {summary.marks} marks" if summary.marks else ""
+    state = "complete" if summary.complete else "NOT COMPLETE"
+    yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {state}"
 
 
 @contextlib.contextmanager

@@ -15,8 +15,8 @@ from uq.motion_design.hexapod.rig_limits import resolved_limits
 
 @pytest.mark.study
 def test_the_bounds_in_the_docs():
-    """docs/experiments/designed.toml: sums of squares for any motion, corners of polytopes for those that repeat."""
-    experiment = Experiment.load("docs/experiments/designed.toml")
+    """uq/examples/designed.toml: sums of squares for any motion, corners of polytopes for those that repeat."""
+    experiment = Experiment.load("uq/examples/designed.toml")
     limits = resolved_limits(experiment, 160)
     least = bound_by_squares(experiment, experiment.trajectories["T1"], limits)
     np.testing.assert_allclose([1e3 * least.moments, 1e3 * least.products], [1.531, 1.057], atol=6e-4)

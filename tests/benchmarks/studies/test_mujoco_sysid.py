@@ -17,7 +17,7 @@ pytest.importorskip("mujoco")
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, body_by_sysid, payload_by_sysid, thrown_by_sysid
 
-ARM = Path(__file__).parents[3] / "docs" / "experiments" / "arm.toml"
+ARM = Path(__file__).parents[3] / "uq" / "examples" / "arm.toml"
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="mujoco[sysid] is not installed")
 
 

@@ -16,7 +16,7 @@ pytest.importorskip("pinocchio")
 
 from benchmarks.studies.plain_regression import Measured, Stated, coverage_lines, plain
 
-ARM = Path(__file__).parents[3] / "docs" / "experiments" / "arm.toml"
+ARM = Path(__file__).parents[3] / "uq" / "examples" / "arm.toml"
 
 
 @pytest.mark.parametrize("lowpass", [None, 20.0])

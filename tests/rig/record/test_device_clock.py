@@ -17,10 +17,10 @@ from rig.exceptions import RigError
 from rig.record import command_delay, device_clock
 from rig.record.device_source import DeviceSource
 from rig.record.reader import LIMIT, Event, Reader
-from rig.record.recorder import Progress, Recorder, Summary
+from rig.record.recorder import Progress, Recorder
 from rig.record.rig_file import load_rig
 from rig.record.session import Session
-from rig.record.terminal import Keys, Terminal, summary_lines
+from rig.record.terminal import Keys, Terminal
 from tests.helpers.rig_lab import LINE, Bench, device_source
 
 RIG = '[[device]]\nname = "cell"\nkind = "bota"\nport = "/dev/none"\nwrench = "on_sensor"\n'
@@ -211,19 +211,6 @@ def test_the_terminal_shows_rates_losses_time_and_size(entry):
     assert text == "    1.0 s  2.5 MB  |  cell 800 Hz, 0 missing, 0 bad"
     source.look(10**10)
     assert "SILENT" in Terminal(io.StringIO()).line(Progress(1.0, 2_500_000, [source]))
-
-
-def test_what_a_recording_came_to_is_read_at_a_glance():
-    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "rate_hz": 799.96}
-    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "rate_hz": 1.2}
-    summary = Summary("run.mcap", 10.004, 2_345_678, False, {"cell": cell, "imu": imu}, marks=2)
-    summary.delays["legs"] = {"delay_s": 0.0213, "delay_correlation": 0.99}
-    assert list(summary_lines(summary)) == [
-        "cell: 8,000 samples on /wrench at 799.96 Hz, 0 missing",
-        "imu: 12 samples on /imu at 1.2 Hz, 3 missing, SILENT",
-        "legs: the IMU follows it by 21.3 ms",
-        "run.mcap: 10.0 s, 2.3 MB, 2 marks, NOT COMPLETE",
-    ]
 
 
 def test_a_key_on_a_terminal_is_a_mark(monkeypatch):

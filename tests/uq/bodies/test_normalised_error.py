@@ -377,7 +377,7 @@ def test_a_single_run_has_no_standard_deviation():
 
 def test_the_files_of_the_docs():
     """Their figures as docs/how-to/compare-with-a-drawing.md has them; the CAD report is a body's."""
-    folder = Path(__file__).parents[3] / "docs" / "experiments"
+    folder = Path(__file__).parents[3] / "uq" / "examples"
     bar = load_reference(folder / "cylinder.toml").parameters
     np.testing.assert_allclose(1e3 * bar.inertia[[0, 3]], [379.37, 12.915], atol=5e-3)
     np.testing.assert_allclose(1e3 * bar.standard_uncertainty[[4, 7]], [0.27, 0.005], rtol=0.07)

@@ -11,7 +11,7 @@ from uq.cli.main import COMMANDS, main
 from uq.experiment.experiment import Experiment
 
 NAME = "x\x1b[2J\u202e\x9b\r\nwarning: forged\u2028warning: forged"
-BRIEF = (Path(__file__).parents[3] / "docs" / "experiments" / "t1-10s.toml").read_text("utf-8")
+BRIEF = (Path(__file__).parents[3] / "uq" / "examples" / "t1-10s.toml").read_text("utf-8")
 BRIEF = BRIEF.replace('"10 s"', '"4 s"').replace('"1.5 s"', '"0.6 s"').replace('"400 Hz"', '"200 Hz"')
 TURNED = [
     f"inspect {NAME}.mcap",

@@ -11,7 +11,7 @@ from tests.helpers.result_schema import contradictions
 from uq.cli.main import main
 
 ROOT = Path(__file__).parents[3]
-FILE = ROOT / "docs" / "experiments" / "laboratory.toml"
+FILE = ROOT / "uq" / "examples" / "laboratory.toml"
 
 
 def poses(path: Path) -> None:

@@ -21,7 +21,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.live.viewer import TOPIC
 
-DOCS = Path(__file__).parents[3] / "docs"
+EXAMPLES = Path(__file__).parents[3] / "uq" / "examples"
 E = "t1-10s.toml"
 TOPICS = {TOPIC, "/wrench", "/imu"}
 
@@ -30,9 +30,9 @@ TOPICS = {TOPIC, "/wrench", "/imu"}
 def bench(tmp_path_factory):
     """A folder with a rig file whose emulated sensors play a simulated run over and over, and its experiment."""
     folder = tmp_path_factory.mktemp("bench")
-    shutil.copy(DOCS / "experiments" / E, folder)
+    shutil.copy(EXAMPLES / E, folder)
     simulate(Experiment.load(folder / E), seed=3).write(folder / "simulated.mcap")
-    text = (DOCS / "rigs" / "emulated.toml").read_text()
+    text = (EXAMPLES / "rig-emulated.toml").read_text()
     (folder / "rig.toml").write_text(text.replace("emulator:simulated.mcap", "emulator:simulated.mcap?loop=1"))
     return folder
 

@@ -7,9 +7,11 @@ import sys
 
 import pytest
 
+from rig.record.recorder import Summary
 from tests.helpers.emulated_rig import emulated_rig
 from tests.helpers.rig_lab import Bench
 from uq.cli.main import main
+from uq.cli.record import summary_lines
 
 
 @pytest.fixture
@@ -119,3 +121,17 @@ def test_recording_never_loads_jax():
     code = "import sys; import uq.cli.record, rig.record.recorder, rig.record.terminal; print(sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert not {"jax", "scipy", "matplotlib", "pint"} & set(json.loads(loaded.replace("'", '"')))
+
+
+def test_what_a_recording_came_to_is_read_at_a_glance():
+    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "rate_hz": 799.96}
+    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "rate_hz": 1.2}
+    summary = Summary("run.mcap", 10.004, 2_345_678, False, {"cell": cell, "imu": imu}, marks=2)
+    summary.delays["legs"] = {"delay_s": 0.0213, "delay_correlation": 0.99}
+    assert [line.split() for line in summary_lines(summary) if "─" not in line] == [
+        ["device", "topic", "samples", "rate", "[Hz]", "missing", "state"],
+        ["cell", "/wrench", "8,000", "799.96", "0", "ok"],
+        ["imu", "/imu", "12", "1.2", "3", "silent"],
+        ["legs:", "the", "IMU", "follows", "it", "by", "21.3", "ms"],
+        ["run.mcap:", "10.0", "s,", "2.3", "MB,", "2", "marks,", "NOT", "COMPLETE"],
+    ]

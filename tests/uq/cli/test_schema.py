@@ -16,7 +16,7 @@ from uq.cli.schema import FILES, file_schema, shipped_text
 from uq.files.units import quantity, scale
 
 ROOT = Path(__file__).parents[3]
-SHIPPED = [*ROOT.glob("uq/presets/*.toml"), *ROOT.glob("docs/experiments/*.toml"), *ROOT.glob("docs/rigs/*.toml")]
+SHIPPED = [*ROOT.glob("uq/presets/*.toml"), *ROOT.glob("uq/examples/*.toml")]
 MAP = {
     "columns": {
         "rate": "100 Hz",

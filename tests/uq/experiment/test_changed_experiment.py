@@ -9,7 +9,7 @@ import pytest
 
 from uq.experiment.experiment import Experiment, ExperimentError
 
-EXPERIMENTS = Path(__file__).parents[3] / "docs/experiments"
+EXPERIMENTS = Path(__file__).parents[3] / "uq/examples"
 
 
 @pytest.fixture(scope="module")

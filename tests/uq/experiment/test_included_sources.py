@@ -6,7 +6,7 @@ import pytest
 
 from uq.experiment.experiment import Experiment, ExperimentError
 
-TEXT = (Path(__file__).parents[3] / "docs" / "experiments" / "t1-10s.toml").read_text()
+TEXT = (Path(__file__).parents[3] / "uq" / "examples" / "t1-10s.toml").read_text()
 WITHOUT, _, SOURCES = TEXT.partition("[[source]]")
 SOURCES = "[[source]]" + SOURCES.partition("[recording]")[0]
 FIRST, *OTHERS = [f"[[source]]{part}" for part in SOURCES.split("[[source]]")[1:]]

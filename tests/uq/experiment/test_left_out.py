@@ -11,7 +11,7 @@ from uq.experiment.experiment_tables import left_out_note
 from uq.propagation.beyond_the_law import BeyondLawError
 from uq.terminal.sources import shares_named
 
-MANY = "docs/experiments/many-errors.toml"
+MANY = "uq/examples/many-errors.toml"
 
 
 @pytest.fixture(scope="module")

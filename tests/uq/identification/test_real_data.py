@@ -27,7 +27,7 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def experiment():
     """With the sources that it declares: sensor axes within 1.5 deg, the flywheel's calibration within 0.5 %."""
-    return Experiment.load(ROOT / "docs" / "experiments" / "throws.toml")
+    return Experiment.load(ROOT / "uq" / "examples" / "throws.toml")
 
 
 @pytest.fixture(scope="module", params=["a", pytest.param("empty", marks=pytest.mark.study)])

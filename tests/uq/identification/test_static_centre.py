@@ -231,7 +231,7 @@ def test_a_real_load_cells_poses(attitude):
     """Its own least squares: 0.9323 kg, 43.90 mm, (9.08, -1.02, 9.98) N, residuals 0.087 N and 0.0030 N·m."""
     import tomllib
 
-    text = (ROOT / "docs" / "experiments" / "poses.toml").read_text()
+    text = (ROOT / "uq" / "examples" / "poses.toml").read_text()
     document = tomllib.loads(text)
     if attitude != "matrix":
         del document["poses"]["matrix"], document["poses"]["takes"]

@@ -29,7 +29,7 @@ from uq.sources.distributions import Normal
 from uq.sources.source import Source
 
 pytestmark = pytest.mark.usefixtures("unjudged")
-DOCS = Path(__file__).parents[3] / "docs" / "experiments"
+DOCS = Path(__file__).parents[3] / "uq" / "examples"
 SCALE = Source("M_gain", "M", "scale", "load_cell", np.full(3, 0.01))
 
 

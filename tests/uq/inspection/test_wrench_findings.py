@@ -122,9 +122,9 @@ def test_the_command_takes_an_experiment(tmp_path, capsys):
     text = (tmp_path / "e.toml", tmp_path / "none.toml")
     from tests.helpers.spoiled_runs import ROOT
 
-    text[0].write_text((ROOT / "docs" / "experiments" / "t1-10s.toml").read_text() + 'force_unit = "lbf"\n')
+    text[0].write_text((ROOT / "uq" / "examples" / "t1-10s.toml").read_text() + 'force_unit = "lbf"\n')
     assert main(["inspect", str(path)]) == 0  # nobody knows the mass
-    assert main(["inspect", str(path), "--experiment", "docs/experiments/t1-10s.toml"]) == 1
+    assert main(["inspect", str(path), "--experiment", "uq/examples/t1-10s.toml"]) == 1
     assert 'force_unit = "lbf"' in capsys.readouterr().out
     assert main(["inspect", str(path), "--experiment", str(text[0])]) == 0
     assert main(["inspect", str(path), "--experiment", str(text[1])]) == 2

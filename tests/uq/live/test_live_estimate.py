@@ -26,7 +26,7 @@ from uq.recorded.load_run import load_run
 
 @pytest.fixture(scope="module")
 def ten_seconds():
-    return Experiment.load(Path(__file__).parents[3] / "docs" / "experiments" / "t1-10s.toml")
+    return Experiment.load(Path(__file__).parents[3] / "uq" / "examples" / "t1-10s.toml")
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from uq.sources.distributions import Normal
 
 pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
-FILE = "docs/experiments/t1-10s.toml"
+FILE = "uq/examples/t1-10s.toml"
 
 
 @pytest.fixture(scope="module")

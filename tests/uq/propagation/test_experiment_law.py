@@ -271,7 +271,7 @@ def test_what_the_law_cannot_take_is_refused(declared, message):
 def test_all_that_the_law_cannot_take_is_listed_at_once():
     """Of 24 sources of many kinds these three, with the options that leave them out; nothing is taken twice."""
     with pytest.raises(BeyondLawError) as refused:
-        law(Experiment.load("docs/experiments/many-errors.toml"))
+        law(Experiment.load("uq/examples/many-errors.toml"))
     assert list(refused.value.reasons) == ["F_flicker", "F_resolution", "gyro_noise"]
     line = str(refused.value)
     assert "does not take 3 sources: 'F_flicker' is noise that is not white" in line

@@ -19,7 +19,7 @@ from uq.sources.noise_filters import WHITE
 @pytest.fixture(scope="module")
 def many():
     """Ten seconds with a delay, drifts and errors of the rig, of two estimators."""
-    return Experiment.load("docs/experiments/many-errors.toml")
+    return Experiment.load("uq/examples/many-errors.toml")
 
 
 def summed(experiment, spec):

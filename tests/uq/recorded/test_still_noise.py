@@ -17,7 +17,7 @@ from uq.recorded.still_noise import still_noise
 TRUTH = {"F": (1e-2, 4e-2, 0.0), "M": (5e-4, 0.0, 0.0), "omega": (1e-4, 0.0, 0.0), "f": (1e-3, 0.0, 0.0)}
 CELL, GYRO, SECONDS = 200.0, 100.0, 60.0
 STEP = 0.005
-EXPERIMENT = Path(__file__).parents[3] / "docs" / "experiments" / "t1-10s.toml"
+EXPERIMENT = Path(__file__).parents[3] / "uq" / "examples" / "t1-10s.toml"
 
 
 def stamps(rate):

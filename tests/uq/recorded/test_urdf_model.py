@@ -8,7 +8,7 @@ from uq.cli.main import main
 from uq.files.document import ExperimentError
 from uq.recorded.urdf_model import DEEPEST, LARGEST, MOST_LINKS, MOST_NESTED, urdf_model, urdf_text
 
-EXPERIMENTS = Path(__file__).parents[3] / "docs" / "experiments"
+EXPERIMENTS = Path(__file__).parents[3] / "uq" / "examples"
 LIMITS = '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
 

@@ -18,7 +18,7 @@ from uq.files.document import ExperimentError
 from uq.report.report_files import write as write_report
 from uq.sources.source import KINDS
 
-EXAMPLES = Path(__file__).parents[3] / "docs" / "experiments"
+EXAMPLES = Path(__file__).parents[3] / "uq" / "examples"
 BIAS = source("s", "F", "bias", sigma=["1 N"] * 3)
 SCALE = source("t", "M", "scale", sigma=["1 %"] * 3)
 FULL = ["300 N", "300 N", "500 N", "20 N*m", "20 N*m", "20 N*m"]
@@ -232,7 +232,7 @@ def test_a_file_of_samples_is_found_beside_the_experiment(tmp_path, many):
 
 
 def test_every_example_of_the_documentation_is_read():
-    text = (EXAMPLES.parent / "reference" / "sources.md").read_text("utf-8")
+    text = (EXAMPLES.parents[1] / "docs" / "reference" / "sources.md").read_text("utf-8")
     examples = [tomllib.loads(block) for block in re.findall(r"```toml\n(.*?)```", text, re.S)]
     assert len(examples) >= 2
     for example in examples:
@@ -240,7 +240,7 @@ def test_every_example_of_the_documentation_is_read():
 
 
 def test_every_kind_is_documented():
-    text = (EXAMPLES.parent / "reference" / "sources.md").read_text("utf-8")
+    text = (EXAMPLES.parents[1] / "docs" / "reference" / "sources.md").read_text("utf-8")
     rows = [
         re.findall(r"`(\w+)`", cell)
         for line in text.splitlines()

@@ -85,7 +85,7 @@ MORE = {
 @pytest.mark.parametrize("more", MORE)
 def test_ten_thousand_trials_either_way(more):
     """T1 in ten seconds, 4,000 samples, the preset's noise: within 1 % or four standard errors of the difference."""
-    document = tomllib.loads(Path("docs/experiments/t1-10s.toml").read_text("utf-8"))
+    document = tomllib.loads(Path("uq/examples/t1-10s.toml").read_text("utf-8"))
     e = Experiment.from_dict(document | {"source": [*document["source"], *MORE[more]]})
     reference, result = montecarlo(e, trials=10_000, plan=BY_SAMPLES), montecarlo(e, trials=100_000)
     worst, largest = 0.0, 0.0

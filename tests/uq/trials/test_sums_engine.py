@@ -161,7 +161,7 @@ def test_one_map_of_the_gyro_alone_gives_the_trials_by_samples(kind):
     np.testing.assert_allclose(on_sums, by_samples, atol=1e-12)
 
 
-MANY = Experiment.load(Path(__file__).parents[3] / "docs" / "experiments" / "many-errors.toml")
+MANY = Experiment.load(Path(__file__).parents[3] / "uq" / "examples" / "many-errors.toml")
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The arm of docs/experiments: its chain against MuJoCo, its clearances against Coal, and what is refused in one line."""
+"""The arm of uq/examples: its chain against MuJoCo, its clearances against Coal, and what is refused in one line."""
 
 import copy
 from pathlib import Path
@@ -21,7 +21,7 @@ from uq.motion_design.arm.predicted_payload import declared_noise
 mujoco = pytest.importorskip("mujoco")
 pinocchio = pytest.importorskip("pinocchio")
 
-EXPERIMENTS = Path(__file__).parents[4] / "docs" / "experiments"
+EXPERIMENTS = Path(__file__).parents[4] / "uq" / "examples"
 
 
 @pytest.fixture(scope="module")

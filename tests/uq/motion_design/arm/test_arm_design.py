@@ -1,4 +1,4 @@
-"""A short design for the arm of docs/experiments: its limits by Pinocchio and Coal, its files, MuJoCo, the command."""
+"""A short design for the arm of uq/examples: its limits by Pinocchio and Coal, its files, MuJoCo, the command."""
 
 import contextlib
 import copy
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 pytest.importorskip("mujoco")
 pinocchio = pytest.importorskip("pinocchio")
 
-EXPERIMENTS = Path(__file__).parents[4] / "docs" / "experiments"
+EXPERIMENTS = Path(__file__).parents[4] / "uq" / "examples"
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from uq.motion_design.arm.mujoco_run import left_out, loaded_model
 pytest.importorskip("mujoco")
 pytest.importorskip("pinocchio")
 
-EXPERIMENTS = Path(__file__).parents[4] / "docs" / "experiments"
+EXPERIMENTS = Path(__file__).parents[4] / "uq" / "examples"
 SHAPE = '<cylinder radius="0.06" length="0.4"/>'
 CORNERS = 0.05 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 FACES = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]

@@ -117,8 +117,8 @@ def test_a_gradient_is_that_of_differences(searched, generator):
 
 @pytest.mark.study
 def test_the_design_in_the_docs_is_what_they_say():
-    """docs/experiments/designed.toml: limits at 800 Hz over the whole run, average 3σ of docs/explanation/design.md, the bounds."""
-    experiment = Experiment.load("docs/experiments/designed.toml")
+    """uq/examples/designed.toml: limits at 800 Hz over the whole run, average 3σ of docs/explanation/design.md, the bounds."""
+    experiment = Experiment.load("uq/examples/designed.toml")
     limits, figures = resolved_limits(experiment, 160), {"designed": (1.795, 1.265), "T1_at_its_best": (2.627, 1.795)}
     for name, expected in figures.items():
         spec = experiment.trajectories[name]
