@@ -148,26 +148,31 @@ def test_a_schema_says_what_a_key_is(path):
     assert not {text for text in descriptions(json.loads(path.read_text("utf-8"))) if text and is_fragment(text)}
 
 
-CYCLE = "identify/rigid_body/rotation.py", "from identify.rigid_body.inertial_parameters import InertialParameters"
-ABOVE = "identify/rigid_body/inertia.py", "from identify.signals.run import Run"
-DOOR = "uq/cli/paper.py", "from uq import montecarlo"
-ACROSS = "rig/runs.py", "from identify.rigid_body.inertia import pack"
+PLANTED = {
+    "identify/rigid_body/rotation.py": "from identify.rigid_body.inertial_parameters import InertialParameters",
+    "identify/rigid_body/inertia.py": "from identify.signals.run import Run",
+    "uq/cli/paper.py": "from uq import montecarlo",
+    "rig/runs.py": "from identify.rigid_body.inertia import pack",
+}
+"""A cycle of files in one room, a room that imports from above, a door, another package."""
 
 
-@pytest.mark.parametrize(
-    ("place", "broken"),
-    [(CYCLE, "No cycle"), (ABOVE, "The floors of identify"), (DOOR, "through a door"), (ACROSS, "run one way")],
-)
-def test_the_linter_sees_a_lazy_import(tmp_path, place, broken):
-    """A cycle of files in one room, a room that imports from above, a door, another package; inside a function."""
+def test_the_linter_sees_a_lazy_import(tmp_path):
     for package in house.PACKAGES:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    with open(tmp_path / place[0], "a") as file:
-        file.write(f"\n\ndef planted():\n    {place[1]}\n")
+    for path, statement in PLANTED.items():
+        with open(tmp_path / path, "a") as file:
+            file.write(f"\n\ndef planted():\n    {statement}\n")
     code = (
         "import sys; sys.path.insert(0, ''); from importlinter.cli import lint_imports_command; lint_imports_command()"
     )
     ran = subprocess.run([sys.executable, "-c", code, "--no-cache"], cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 1, ran.stdout + ran.stderr
-    assert [line for line in ran.stdout.splitlines() if broken in line and line.endswith("BROKEN")], ran.stdout
+    for complaint in (
+        r"\.rotation -> \.inertial_parameters",
+        r"identify\.rigid_body\.inertia -> identify\.signals\.run \(",
+        r"uq\.cli\.paper -> uq \(",
+        r"rig\.runs -> identify\.rigid_body\.inertia \(",
+    ):
+        assert re.search(rf"^- +{complaint}", ran.stdout, re.M), ran.stdout

@@ -78,6 +78,7 @@ def without_posix(commands, folder):
     return ran.stdout
 
 
+@pytest.mark.slow
 def test_every_module_is_imported_and_the_commands_run(tmp_path):
     """All but emulated sensors, which need pseudo-terminals and say so."""
     (tmp_path / "rig.toml").write_text(

@@ -20,6 +20,7 @@ def covered(short, repeats):
     return tensor / repeats, others / repeats
 
 
+@pytest.mark.slow
 def test_the_bodys_interval_holds_the_truth_in_a_few_laboratories(short, unjudged):
     """8 repeats, ten parameters: of 8 at 95 % fewer than 5 hold once in 2,700 for each."""
     tensor, others = covered(short, 8)

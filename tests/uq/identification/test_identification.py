@@ -65,7 +65,10 @@ def test_offsets_are_removed_where_asked_and_only_there(short, estimator, unjudg
 
 @pytest.mark.parametrize(
     ("estimator", "runs"),
-    [(SMOOTHED, 10), *(pytest.param(spec, 24, marks=pytest.mark.study) for spec in (SMOOTHED, FILTERED))],
+    [
+        pytest.param(SMOOTHED, 10, marks=pytest.mark.slow),
+        *(pytest.param(spec, 24, marks=pytest.mark.study) for spec in (SMOOTHED, FILTERED)),
+    ],
 )
 def test_intervals_cover_the_truth(short, estimator, runs, unjudged):
     """Without biases, runs x 6 components: three binomial standard errors, were they fully correlated.

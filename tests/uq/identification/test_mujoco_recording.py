@@ -29,7 +29,9 @@ def signals():
     return moving(BODY, noise=0.0)
 
 
-@pytest.mark.parametrize(("wrench", "sign"), [("on_body", 1.0), ("on_sensor", -1.0)])
+@pytest.mark.parametrize(
+    ("wrench", "sign"), [pytest.param("on_body", 1.0, marks=pytest.mark.slow), ("on_sensor", -1.0)]
+)
 def test_mujocos_body_is_identified(tmp_path, signals, wrench, sign, capsys):
     t, readings = signals
     # At rest MuJoCo's force sensor reads the weight upward: the force on the load.

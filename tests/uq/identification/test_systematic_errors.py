@@ -88,7 +88,9 @@ def test_errors_are_those_of_a_rig_that_has_them(constant, silent, offsets):
     np.testing.assert_allclose(own, direct - exact.inertia, atol=1e-5 * np.abs(direct - exact.inertia).max())
 
 
-@pytest.mark.parametrize("which", ["few", pytest.param("constant", marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "which", [pytest.param("few", marks=pytest.mark.slow), pytest.param("constant", marks=pytest.mark.study)]
+)
 def test_each_source_disperses_as_its_derivatives_say(which, silent, request):
     """GUM 5.1.2 by jax.jacfwd, source by source; 10,000 draws of normal sources know σ to 0.7 %, tolerance 4 times it.
 
