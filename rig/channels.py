@@ -108,7 +108,8 @@ class MotionChannel(RecordedChannel):
         angular_velocity: [rad/s], shape (n, 3); None: the type has none.
         orientation: quaternion x y z w from the sensor's frame to ``frame_id``, shape (n, 4); None: the type has none.
         names: names of the joints.
-        position: of the joints [rad or m], shape (n, joints); None: no joints.
+        position: of the joints [rad or m], shape (n, joints); of a pose's origin along the axes of ``frame_id`` [m],
+            shape (n, 3); None: the type has none.
         velocity: of the joints [rad/s or m/s], shape (n, joints or 0); None: no joints.
         sequence: the message counter, shape (n,), or None.
     """

@@ -123,7 +123,8 @@ def _type(channel: WrittenChannel) -> str:
 
 def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
     if isinstance(channel, MotionChannel):
-        return tuple(values for values in (channel.orientation, channel.position) if values is not None)
+        values = channel.position if channel.orientation is None else channel.orientation  # an origin is not written
+        return () if values is None else (values,)
     if isinstance(channel, WrenchChannel):
         return channel.force, channel.moment
     return channel.angular_velocity, channel.linear_acceleration

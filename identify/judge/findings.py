@@ -182,17 +182,9 @@ class Finding(Enum):
         "unit", "the gyro turns {ratio:.0f} times faster than gravity does: it is probably in deg/s", _none,
         'set angular_velocity_unit = "deg/s" in [recording]',
     )  # fmt: skip
-    FORCE_UNIT = (
-        "unit", "the force is the weight of {weighs} kg, the declared mass is {stated} kg", _none,
-        'force in {unit}? set force_unit = "{unit}" in [recording]',
-    )  # fmt: skip
-    MOMENT_OF_AIR = (
-        "unit", "the moments are those of a body of {density} kg/m^3, lighter than air", _none,
-        'in N·mm? set moment_unit = "N*mm" in [recording]',
-    )  # fmt: skip
-    MOMENT_UNIT = (
-        "unit", "force and moment put the centre of gravity {times} times as far from Q as declared", _none,
-        'set moment_unit = "{unit}" in [recording]',
+    UNITS = (
+        "unit", "force and moment are those of no body of {shown} kg as declared, but of one of {mass} kg in other "
+        "units", _none, "set {lines} in [recording]{doubt}",
     )  # fmt: skip
     WRENCH_REVERSED = (
         "sign", "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor"
@@ -268,6 +260,10 @@ class Finding(Enum):
         "mass", "the force is the weight of {weighs} kg, the declared mass is {stated} kg", _none,
         "correct body.mass, force_unit or the load cell's calibration; or the driver removed another payload's weight: "
         "state payload_mass and payload_r_cg_from_q",
+    )  # fmt: skip
+    CHANGED_MASS = (
+        "mass", "the force is that of {before} kg up to {time} s of the run, and of {after} kg from there on", _none,
+        "body grasped or put down midway? identify the run with {option}",
     )  # fmt: skip
     OTHER_POINT = (
         "point", "force and moment put the centre of gravity {distance:.1f} mm from the declared one", _none,

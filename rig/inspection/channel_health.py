@@ -121,7 +121,7 @@ def _clock(channel: SensorChannel, skew: float) -> Iterator[TopicFinding]:
 def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
     bad = int((~np.isfinite(values)).any(axis=1).sum())
     if bad:
-        yield TopicFinding("not finite", topic, f"{name} is not a number in {bad} samples: leave them out")
+        yield TopicFinding("not finite", topic, f"{name} is not a number in {bad} samples: they are left out")
 
 
 LARGEST_READING = 1e12  # in any unit, far beyond any sensor; `identify` refuses more

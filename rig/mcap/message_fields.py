@@ -47,10 +47,10 @@ SHAPES: dict[str, tuple[Field, ...]] = {
         Field("linear_acceleration_covariance", count=9),
     ),
     TWIST: _TWIST,
-    POSE: (Field("pose.position"), Field("pose.orientation", count=4, column=_ORIENTATION)),
+    POSE: (Field("pose.position", column="position"), Field("pose.orientation", count=4, column=_ORIENTATION)),
     ODOMETRY: (
         Field("child_frame_id", "text"),
-        Field("pose.pose.position"),
+        Field("pose.pose.position", column="position"),
         Field("pose.pose.orientation", count=4, column=_ORIENTATION),
         Field("pose.covariance", count=36),
         Field("twist.twist.linear"),

@@ -22,7 +22,8 @@ EXPECTED = tomllib.loads((Path(__file__).parent / "expected.toml").read_text())
 
 
 def name_of(row):
-    return "-".join(row.get(key, "sound") for key in ("source", "container", "attitude", "convention") if key in row)
+    words = [row.get(key, "sound") for key in ("source", "container", "attitude", "convention") if key in row]
+    return "-".join(words + ["known"] * row.get("known", False))
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +31,9 @@ def clean():
     return posed_runs.measured(3, seconds=8.0, rate=100.0)
 
 
-def judged(path, folder, source, **declared):
+def judged(path, folder, row, **declared):
     """The run as declared, its weight put back, and the labels and texts of what is suspicious."""
-    experiment = posed_runs.experiment(folder, source, **declared)
+    experiment = posed_runs.experiment(folder, row["source"], known=row.get("known", False), **declared)
     run, _ = undo(load(path, experiment.recording, band=posed_runs.BAND, marks=False).run, (), experiment)
     return run, [(finding.kind, finding.text) for finding in experiment_findings(run, experiment, undone=True)]
 
@@ -41,15 +42,23 @@ def judged(path, folder, source, **declared):
 def test_a_recording_in_this_convention(tmp_path, clean, row):
     recorded = posed_runs.CONVENTIONS[row["convention"]](clean)
     path = posed_runs.write(tmp_path / "run", recorded, row["source"], row["container"])
-    _, findings = judged(path, tmp_path, row["source"])
+    _, findings = judged(path, tmp_path, row)
     assert [kind for kind, _ in findings][:1] == ([row["finding"]] if row["finding"] else [])
     if "obeyed" not in row:
         return
-    run, left = judged(path, tmp_path, row["source"], **row["obeyed"])
+    run, left = judged(path, tmp_path, row, **row["obeyed"])
     assert left == []
     named = findings[0][1]
     assert any(f"{key} = " in named or f" {key}" in named for key in row["obeyed"])
-    if row["convention"] in ("wrench_at_rest", "half_turned_base", "compensated", "other_payload", "reversed_wrench"):
+    if row["finding"] == "unit":
+        assert all(f'{key} = "{value}"' in named for key, value in row["obeyed"].items())
+    if row["finding"] == "unit" or row["convention"] in (
+        "wrench_at_rest",
+        "half_turned_base",
+        "compensated",
+        "other_payload",
+        "reversed_wrench",
+    ):
         for values, truth, noise in ((run.force, clean.force, 0.05), (run.moment, clean.moment, 2e-3)):
             expected = np.stack([np.interp(run.t, clean.t, column) for column in truth.T], axis=1)
             assert np.abs(values - expected).mean() < 2 * noise  # of white noise, and none between the instants

@@ -30,7 +30,7 @@ BAND = 3.0
 EASE = 2.0
 """Seconds in which the arm begins to move, and comes to rest."""
 START = 1_750_000_000_000_000_000
-NOISE = {"force": 0.05, "moment": 2e-3, "gyro": 1e-3, "accelerometer": 0.02, "joint": 1e-5}
+NOISE = {"force": 0.05, "moment": 2e-3, "gyro": 1e-3, "accelerometer": 0.02, "joint": 1e-5, "place": 1e-5}
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,8 @@ class PosedRun:
     force: np.ndarray
     moment: np.ndarray
     quaternion: np.ndarray
+    place: np.ndarray
+    """Of Q, along the axes at rest."""
     specific_force: np.ndarray
     wrench_late: float = 0.0
     """Time by which the wrench's stamps are late [s]; the log's times are right."""
@@ -112,7 +114,7 @@ def measured(seed=0, *, seconds=12.0, rate=100.0, noise=1.0):
     return PosedRun(
         t=t, joints=noisy(_angles(t, seed, seconds), "joint"), attitude=attitude, omega=noisy(omega, "gyro"),
         acceleration=acceleration, force=noisy(force, "force") + ZERO[:3], moment=noisy(moment, "moment") + ZERO[3:],
-        quaternion=attitude.as_quat(), specific_force=noisy(specific, "accelerometer"),
+        quaternion=attitude.as_quat(), place=noisy(here, "place"), specific_force=noisy(specific, "accelerometer"),
     )  # fmt: skip
 
 
@@ -188,12 +190,42 @@ def booted_clock(run):
     return replace(run, wrench_late=START * 1e-9 - 37.0)
 
 
+def _in_units(force, moment):
+    """The wrench in units of so many newtons and newton metres."""
+    return lambda run: replace(run, force=run.force / force, moment=run.moment / moment)
+
+
+def strain_gauge(run):
+    """A load cell whose zero is twice the weight."""
+    return replace(run, force=run.force + [20.0, -10.0, 30.0], moment=run.moment + [0.5, -0.2, 0.3])
+
+
+def not_a_number(run):
+    """One sample of each sensor that holds no number."""
+    force, joints, omega = run.force.copy(), run.joints.copy(), run.omega.copy()
+    force[300], joints[400], omega[400] = np.nan, np.nan, np.nan
+    return replace(run, force=force, joints=joints, omega=omega)
+
+
+def grasped_midway(run):
+    """Nothing but the load cell's zero in the first half."""
+    empty = np.random.default_rng(9).normal(ZERO, [0.05] * 3 + [2e-3] * 3, (len(run.t), 6))
+    held = (run.t > run.t[-1] / 2)[:, None]
+    return replace(run, force=np.where(held, run.force, empty[:, :3]), moment=np.where(held, run.moment, empty[:, 3:]))
+
+
 CONVENTIONS = {
     function.__name__: function
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
-        accelerometer_down, reversed_wrench, clocks_apart, booted_clock,
+        accelerometer_down, reversed_wrench, clocks_apart, booted_clock, strain_gauge,
+        not_a_number, grasped_midway,
     )
+}  # fmt: skip
+CONVENTIONS |= {
+    "newton_millimetres": _in_units(1.0, 1e-3), "newton_centimetres": _in_units(1.0, 1e-2),
+    "pounds_and_inches": _in_units(4.4482216, 0.11298483), "pounds_and_feet": _in_units(4.4482216, 1.3558179),
+    "kilograms": _in_units(9.80665, 1.0), "kilograms_and_centimetres": _in_units(9.80665, 9.80665e-2),
 }  # fmt: skip
 
 
@@ -202,6 +234,7 @@ def _messages(run, source, store):
     items, types = [], store.types
     stamped = types["geometry_msgs/msg/WrenchStamped"]
     names = {"joints": "sensor_msgs/msg/JointState", "poses": "geometry_msgs/msg/PoseStamped"}
+    names["odometry"] = "nav_msgs/msg/Odometry"
     kind = names.get(source, "sensor_msgs/msg/Imu")
     empty, unknown = np.zeros(0), np.zeros(9)
     quaternion = run.quaternion if source == "quaternion" else np.tile([0.0, 0, 0, 1], (len(run.t), 1))
@@ -218,9 +251,13 @@ def _messages(run, source, store):
         head = header(store, time, "root")
         if source == "joints":
             message = types[kind](head, NAMES, run.joints[k], empty, empty)
-        elif source == "poses":
+        elif source in ("poses", "odometry"):
             point, turn = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
-            message = types[kind](head, types["geometry_msgs/msg/Pose"](point(0, 0, 0), turn(*run.quaternion[k])))
+            pose = types["geometry_msgs/msg/Pose"](point(*run.place[k]), turn(*run.quaternion[k]))
+            twist = types["geometry_msgs/msg/Twist"](vector(store, np.zeros(3)), vector(store, run.omega[k]))
+            spread = types["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
+            rates = types["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
+            message = types[kind](head, pose) if source == "poses" else types[kind](head, "tool", spread, rates)
         else:
             turn = types["geometry_msgs/msg/Quaternion"](*quaternion[k])
             message = types[kind](
@@ -240,18 +277,20 @@ def write(path, run, source, container):
     return path
 
 
-def experiment(folder, source, **recording):
-    """The experiment file of a run; ``recording``: further keys, as TOML has them."""
+def experiment(folder, source, *, known=False, **recording):
+    """The experiment file of a run; ``known``: its body, too; ``recording``: further keys, as TOML has them."""
     keys = {"wrench": "on_body", "method": "joint"} | recording
     if source == "joints":
         urdf(folder / "arm.urdf")
         down = ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]
         keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "urdf_gravity": down} | keys
     lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
+    r_cg = '["20 mm", "-30 mm", "48 mm"]\nmass = "2 kg"' if known else '["0 mm", "0 mm", "50 mm"]'
+    sigma = "0.001 m" if known else "0.1 m"
     (folder / "e.toml").write_text(
-        '[body]\nr_cg_from_q = ["0 mm", "0 mm", "50 mm"]\n[platform]\ngravity = "9.81 m/s^2"\n'
+        f'[body]\nr_cg_from_q = {r_cg}\n[platform]\ngravity = "9.81 m/s^2"\n'
         '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "3 Hz"\n'
-        '[[source]]\nname = "r_cg"\ntarget = "r_cg"\nkind = "bias"\nsigma = ["0.1 m", "0.1 m", "0.1 m"]\ngroup = "cg"\n'
+        f'[[source]]\nname = "r_cg"\ntarget = "r_cg"\nkind = "bias"\nsigma = "{sigma}"\ngroup = "cg"\n'
         f"[recording]\n{lines}"
     )
     from uq.experiment.experiment import Experiment
@@ -267,7 +306,7 @@ def main(arguments=None):
     parser.add_argument("--runs", type=int, default=40)
     count = parser.parse_args(arguments).runs
     with tempfile.TemporaryDirectory() as folder:
-        for source in ("joints", "poses", "imu", "quaternion"):
+        for source in ("joints", "poses", "odometry", "imu", "quaternion"):
             suspected = 0
             for seed in range(count):
                 rate = (100.0, 125.0, 500.0)[seed % 3]

@@ -15,6 +15,7 @@ from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
+from uq.files.units import scale
 from uq.inspection.imported_run import cured_in_map
 from uq.sources.constant_errors import declared_sigma
 
@@ -87,8 +88,13 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
         wrench_rotation=recording.wrench_rotation_to_body,
         imu_rotation=recording.imu_rotation_to_body,
         weighed=recording.zero != "loaded" and not removed,
+        units=(_in_si(recording.force_unit, "N"), _in_si(recording.moment_unit, "N*m")),
         turn=_sigma_turn(experiment, turn_free=turn_free),
     )
+
+
+def _in_si(name: str | None, unit: str) -> float:
+    return 1.0 if name is None else scale(name, unit)
 
 
 def _sigma_turn(experiment: Experiment, *, turn_free: bool) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The angular velocity of a run, whatever tells it: IMU, twist, odometry, pose, or joints with a robot's description.
 
 Every source becomes an IMU's channel in its sensor's own frame; a pose or a joint's position is differentiated here.
-Joints tell the specific force, too, where gravity in their base is declared.
+Joints tell the specific force, too, where gravity in their base is declared, and so do poses whose origin travels.
 """
 
 from collections.abc import Callable
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
 from identify.signals.held_samples import repeats
@@ -97,9 +98,9 @@ def _turning(
             "record it in the body's frame, or a pose"
         )
     if turning is not None and turning.any():
-        return RecordedMotion(
-            _channel(source, turning), notes=(f"the noise of {source.topic} ({source.type}) is white",)
-        )
+        note = f"the noise of {source.topic} ({source.type}) is white"
+        measured = RecordedMotion(_channel(source, turning), notes=(note,))
+        return _with_poses(measured, _of_pose(source, declared, instants, name, band)) if _travels(source) else measured
     if source.orientation is None:
         raise RunError(f"the angular velocity of {name} is zero throughout: record a body that moves")
     from_poses = _of_pose(source, declared, instants, name, band)
@@ -109,19 +110,47 @@ def _turning(
     return RecordedMotion(from_poses.imu, from_poses.noise, from_poses.notes, (warning,))
 
 
+def _travels(source: MotionChannel) -> bool:
+    """Whether a channel of poses tells where its origin is."""
+    return source.orientation is not None and source.position is not None and bool(np.ptp(source.position, 0).any())
+
+
+def _with_poses(measured: RecordedMotion, posed: RecordedMotion) -> RecordedMotion:
+    """A measured angular velocity with the specific force by poses, within the instants that these tell."""
+    stamps, known = measured.imu.log_time, posed.imu.log_time
+    imu = measured.imu.taken((stamps >= known[0]) & (stamps <= known[-1]))
+    force = interpolate((known - known[0]) * 1e-9, posed.imu.linear_acceleration, (imu.log_time - known[0]) * 1e-9)
+    return replace(measured, imu=replace(imu, linear_acceleration=force), notes=(*measured.notes, posed.notes[-1]))
+
+
 def _of_pose(
     source: MotionChannel, declared: RecordingTable, instants: np.ndarray, name: str, band: float | None
 ) -> RecordedMotion:
     if declared.angular_velocity_unit is not None:
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
-    quaternion = continuous(np.asarray(source.orientation), name)
+    quaternion, gravity = continuous(np.asarray(source.orientation), name), declared.gravity_of_poses
+    travels = _travels(source)
+    pose = np.hstack([quaternion, np.asarray(source.position)]) if travels else quaternion
 
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
-        unit = uniform / np.linalg.norm(uniform, axis=1, keepdims=True)
+        unit = uniform[:, :4] / np.linalg.norm(uniform[:, :4], axis=1, keepdims=True)
         taps = differentiator(unit, rate, name, band=attitude_band(unit, rate, band))
-        return Differentiated(*angular_velocity(unit, taps), taps)
+        omega, sigma = angular_velocity(unit, taps)
+        if not travels:
+            return Differentiated(omega, sigma, taps)
+        inner = slice(2 * len(taps), len(unit) - 2 * len(taps))
+        acceleration = _slope(_slope(uniform[:, 4:], taps), taps)
+        to_rest = scipy.spatial.transform.Rotation.from_quat(unit[inner])
+        omega = omega[len(taps) : len(omega) - len(taps)]
+        return Differentiated(omega, sigma, taps, to_rest.inv().apply(acceleration - gravity))
 
-    return _differentiated(source, quaternion, instants, turn, name, "its poses")
+    differentiated = _differentiated(source, pose, instants, turn, name, "its poses")
+    return replace(differentiated, notes=(*differentiated.notes, *_gravity_note("poses", gravity) * travels))
+
+
+def _gravity_note(what: str, gravity: np.ndarray) -> tuple[str]:
+    size = float(np.linalg.norm(gravity))
+    return (f"the specific force is that of the {what}, with gravity of {size:.6g} m/s²",)
 
 
 def _of_joints(
@@ -178,8 +207,7 @@ def _of_joints(
 
     differentiated = _differentiated(source, position, instants, turn, name, "its joints' positions")
     if gravity is not None:
-        size = float(np.linalg.norm(gravity))
-        notes = (*notes, f"the specific force is that of the joints' positions, with gravity of {size:.6g} m/s²")
+        notes = (*notes, *_gravity_note("joints' positions", gravity))
     return replace(differentiated, notes=(*notes, *differentiated.notes), attitude=attitude, gravity=gravity)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -84,6 +85,9 @@ def of_channels(
     Raises:
         RigError, RunError: see :func:`load_run`.
     """
+    read = len(bag.wrench.stamp) + len(bag.motion.stamp)
+    bag = replace(bag, wrench=_finite(bag.wrench), motion=_finite(bag.motion))
+    lost = read - len(bag.wrench.stamp) - len(bag.motion.stamp)
     bag, reordered = in_order(bag, recording.time)
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)
@@ -104,6 +108,7 @@ def of_channels(
         )
     turning = attitude.at(times[0]) if attitude is not None and recording.turns_back else None
     common = _Channels(bag, rig, seconds, extra, turning)
+    common.left_out |= {"not finite": lost} if lost else {}
     _check_rates(common, band)
     run = common.run()
     return Recorded(
@@ -121,6 +126,34 @@ def of_channels(
         assumptions=(*rig.assumptions, *source.notes, *reordered),
         rig=rig,
     )
+
+
+NOT_MEASURED = ("linear_acceleration", "orientation", "angular_velocity")
+"""Signals of a motion sensor that drivers fill with NaN where it does not measure them."""
+
+
+AnyChannel = TypeVar("AnyChannel", bound=channels.RecordedChannel)
+
+
+def _finite(channel: AnyChannel) -> AnyChannel:
+    """Return a channel without the samples that are no numbers; what is none in most of them is not measured: zero.
+
+    Joints may be missing in a message: they are judged by those that are used.
+
+    Raises:
+        RunError: hardly a sample is finite.
+    """
+    keep = np.ones(len(channel.stamp), bool)
+    for name in ("force", "moment", *NOT_MEASURED):
+        values = getattr(channel, name, None)
+        finite = True if values is None else np.isfinite(values).all(axis=1)
+        if values is not None and name in NOT_MEASURED and np.mean(finite) < 0.5:
+            channel = replace(channel, **{name: np.zeros_like(values)})
+        else:
+            keep &= finite
+    if len(keep) and not keep.any():
+        raise RunError(f"no sample of {channel.topic} holds numbers alone: check sensor and driver")
+    return channel if keep.all() else channel.taken(keep)
 
 
 class _Channels:
@@ -141,9 +174,8 @@ class _Channels:
             refuse_excess(signal, values, bag.path.name)
         if (raw[0] == raw[0][0]).all():
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
-        with np.errstate(invalid="ignore"):  # what is not finite is refused with its sample
-            self.wrench = np.hstack(rig.wrench(wrench, turning))
-            self.motion = np.hstack(rig.motion(imu))
+        self.wrench = np.hstack(rig.wrench(wrench, turning))
+        self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
@@ -171,7 +203,7 @@ class _Channels:
 
     def run(self) -> Run:
         """The two at common instants."""
-        accelerates = bool(self.motion[:, 3:].any() and np.isfinite(self.motion[:, 3:]).all())
+        accelerates = bool(self.motion[:, 3:].any())
         run = Run.from_channels(
             self.t_wrench,
             self.wrench[:, :3],

@@ -15,6 +15,7 @@ class DeclaredRig:
 
     ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
     which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
+    ``units``: newtons and newton metres in the declared units of force and moment.
     ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
     """
 
@@ -29,6 +30,7 @@ class DeclaredRig:
     weighed: bool = True
     turn: Vector | None = None
     measured: bool = True
+    units: tuple[float, float] = (1.0, 1.0)
 
     @property
     def lever(self) -> Vector:

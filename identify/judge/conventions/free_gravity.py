@@ -12,6 +12,7 @@ that was written the other way only when it is inverted. So one fit for each rea
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +29,12 @@ REFINED = 3
 """Searches of that kind, each over an eighth of the one before.
 
 Numerical: to a quarter of a degree.
+"""
+
+RIDGE = 1e-9
+"""Part of the normal matrix that keeps the mass of a single sample determined.
+
+Numerical: rounding of doubles in the solution.
 """
 
 Rotations = Float[np.ndarray, "n 3 3"]
@@ -64,6 +71,19 @@ class GravityFit:
     def lift(self) -> Float[np.ndarray, "3"]:
         """The vector p [N]."""
         return self.values[1:4]
+
+
+class MassStep(NamedTuple):
+    """A mass that is another from some sample on."""
+
+    sample: int
+    """Index of the first smoothed sample with the other mass."""
+    before: float
+    """Mass before it [kg]."""
+    after: float
+    """Mass from it on [kg]."""
+    misfit: float
+    """Mean square of what is left of the force, per component [N²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +124,7 @@ class PosedForce:
         """Number of independent components of force."""
         return self.independent * self._answer.size
 
-    def explained(self, fit: GravityFit) -> bool:
+    def explained(self, fit: "GravityFit | MassStep") -> bool:
         """Whether a rigid body explains the force, so that something may be named."""
         return fit.misfit < NOT_RIGID**2 * self.changes
 
@@ -140,6 +160,30 @@ class PosedForce:
         if self.specific is None:
             covariance[0, 0] = np.inf
         return GravityFit(values, covariance, misfit)
+
+    def mass_step(self) -> MassStep:
+        """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
+        samples, unit = len(self.force), np.eye(3)
+        specific = np.zeros((samples, 3)) if self.specific is None else self.specific
+        columns = specific[:, :, None] if self.levers is None else np.dstack([specific, self.levers])
+        count = columns.shape[2]
+        rows = self.smooth(columns.reshape(samples, -1)).reshape(-1, 3, count)
+        answer, n = self._answer, len(rows)
+        grams = np.einsum("nij,nik->njk", rows, rows)
+        loose = RIDGE * grams.sum(axis=0) * np.eye(count)
+        normal, right = np.zeros((n - 1, 2 * count + 3, 2 * count + 3)), np.zeros((n - 1, 2 * count + 3))
+        normal[:, -3:, -3:], right[:, -3:] = n * unit, answer.sum(axis=0)
+        products = np.einsum("nij,ni->nj", rows, answer)
+        totals = [np.cumsum(values, axis=0) for values in (grams, rows, products)]
+        parts = [x[:-1] for x in totals], [x[-1] - x[:-1] for x in totals]
+        for place, (gram, total, product) in zip((0, count), parts, strict=True):
+            here = slice(place, place + count)
+            normal[:, here, here], right[:, here] = gram + loose, product
+            normal[:, -3:, here], normal[:, here, -3:] = total, total.swapaxes(1, 2)
+        values = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        misfit = ((answer**2).sum() - (right * values).sum(axis=1)) / answer.size
+        at = int(np.argmin(misfit))
+        return MassStep(at + 1, float(values[at, 0]), float(values[at, count]), float(misfit[at]))
 
     def best_yaw(self) -> float:
         """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""

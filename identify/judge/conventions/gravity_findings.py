@@ -21,7 +21,7 @@ from identify.judge.conventions.convention_sums import (
 from identify.judge.conventions.conventions import COSTS, DECISIVE, EQUAL
 from identify.judge.conventions.declared_rig import DeclaredRig, Vector
 from identify.judge.conventions.free_gravity import GravityFit, PosedForce, Rotations
-from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT
+from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.conventions.rotation_findings import COVERAGE, axes_text, compound
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
@@ -38,15 +38,15 @@ LEAST_SHARE = 0.1
 
 Choice: gain and mass together are better.
 """
-MASS_OVER_SIGMA = 8.0
-"""Mass by the force's changes, in standard deviations, from which they determine it.
-
-Choice: the part that is missing is then good to an eighth.
-"""
 LEAST_YAW = np.radians(3.0)
 """Turn about the vertical from which the axes of the wrench are not those of the attitude.
 
 Choice: bases are set up to a degree or two.
+"""
+HANDLING = 0.5
+"""Time about the change of a mass that is left to the gripper [s].
+
+Choice: grippers close in less.
 """
 AXIS = np.radians(0.3)
 """Angle within which, beside its uncertainty, gravity lies along an axis.
@@ -125,12 +125,14 @@ def run_gravity(
         levers=levers, smooth=partial(smoothed, step),
         independent=STEP / WINDOW,
     )  # fmt: skip
-    return _Judgement(posed, attitude, declared, topic).verdict()
+    return _Judgement(posed, attitude, declared, topic, time).verdict()
 
 
 class _Judgement:
-    def __init__(self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredRig, topic: str) -> None:
-        self.posed, self.attitude, self.declared, self.topic = posed, attitude, declared, topic
+    def __init__(
+        self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredRig, topic: str, time: np.ndarray
+    ) -> None:
+        self.posed, self.attitude, self.declared, self.topic, self.time = posed, attitude, declared, topic, time
         self.plain, self.free = posed.fit(lift=False), posed.fit()
 
     def verdict(self) -> GravityVerdict:
@@ -147,7 +149,7 @@ class _Judgement:
         fits = {"plain": plain, "gravity": free, "sensor": posed.fit(lift=False, turned=True), "frame": other.fit()}
         best = min(fits.values(), key=lambda fit: fit.misfit)
         if not posed.explained(best):
-            return GravityVerdict()
+            return self._changed_mass()
         scores = {name: posed.excess(fit, best) + COSTS["turned"] * (fit is not plain) for name, fit in fits.items()}
         least = min(scores.values())
         if scores["plain"] < least + DECISIVE:
@@ -186,6 +188,20 @@ class _Judgement:
     def _near_right_angle(self, yaw: float) -> float:
         right = np.pi / 2 * round(yaw / (np.pi / 2))
         return float(right if abs(yaw - right) < LEAST_YAW else yaw)
+
+    # Mass
+
+    def _changed_mass(self) -> GravityVerdict:
+        """The body was grasped or put down midway, where that explains what no single body does."""
+        step = self.posed.mass_step()
+        if not self.posed.explained(step):
+            return GravityVerdict()
+        at = float(self.posed.smooth(self.time[:, None])[step.sample, 0])
+        grasped = step.after > step.before
+        option = f"--from {at + HANDLING:.1f}" if grasped else f"--to {at - HANDLING:.1f}"
+        masses = {"before": fixed(step.before, 2), "after": fixed(step.after, 2)}
+        found = Finding.CHANGED_MASS.on(self.topic, time=fixed(at, 1), option=option, **masses)
+        return GravityVerdict([found], final=True)
 
     # Gravity
 

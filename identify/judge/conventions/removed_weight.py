@@ -1,7 +1,7 @@
 """Is the body's weight in the force? And if not: zeroed with the body on it, or removed by the driver?"""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -10,11 +10,14 @@ from identify.judge.conventions.convention_fit import (
     ACCELERATION,
     COLUMNS,
     COUNTERWEIGHT_AT,
+    FORCE_TERMS,
     INERTIA_AT,
     LEVER,
     MOMENT_TERMS,
     MOMENT_TERMS_WITH_WEIGHT,
+    NOT_RIGID,
     OFFSET,
+    OFFSET_AT,
     ROWS,
     WEIGHT,
 )
@@ -64,6 +67,17 @@ ALIKE = 0.9
 Choice: without the weight it is half of that.
 """
 
+MASS_OVER_SIGMA = 8.0
+"""Mass by the force's changes, in standard deviations, from which they determine it.
+
+Choice: the part that is missing is then good to an eighth.
+"""
+PARTLY = 0.5
+"""Part of the weight that the force must lack throughout, beyond three standard deviations, to be named.
+
+Choice: a load cell's zero is smaller.
+"""
+
 Removed = Literal["force", "force and moment", "undetermined"]
 """The signals from which the driver removed the weight."""
 
@@ -88,6 +102,28 @@ class ApparentMass:
     def too_light(self, sums: ConventionSums) -> bool:
         """Whether a body of this mass and this tensor would be lighter than air."""
         return bool(self.density(sums) < AIR)
+
+
+class MassByMotion(NamedTuple):
+    """Mass by which the force follows the specific force, the load cell's zero free."""
+
+    mass: float
+    """Mass in the unit of the force over m/s²."""
+    sigma: float
+    """Standard uncertainty of the mass."""
+    missing: float
+    """Part of its weight that the force lacks throughout; zero where gravity turns so far that no zero hides it."""
+
+
+def mass_by_motion(sums: ConventionSums) -> MassByMotion | None:
+    """Return the mass that the force's changes determine; None: they do not, or no body explains them."""
+    variance = convention_fit.variance_left(sums, FORCE_TERMS, FORCE)
+    fit = convention_fit.solve(sums, FORCE_TERMS, FORCE, variance=variance)
+    mass, sigma, mean = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0])), sums.mean(SPECIFIC)
+    if not mass > MASS_OVER_SIGMA * sigma or variance > NOT_RIGID**2 * sums.changes(FORCE):
+        return None
+    missing = 0.0 if sums.tilts else float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass
+    return MassByMotion(mass, sigma, missing)
 
 
 @dataclass(frozen=True)
@@ -150,7 +186,10 @@ def _removed_from(sums: ConventionSums, given: Scales, declared: DeclaredRig) ->
 
 
 def _follows_gravity(sums: ConventionSums, mass: float) -> bool:
-    """Whether the force points as the specific force does, in some order of the axes: a weight, if in another unit."""
+    """Whether the force follows the specific force, in some order of the axes: a weight, if in another unit."""
+    motions = filter(None, (mass_by_motion(hypothesis.applied(sums)) for hypothesis in hypotheses()))
+    if any(abs(motion.missing) < PARTLY for motion in motions):
+        return True
     if sums.tilts:
         return bool(max(_likeness(hypothesis.applied(sums)) for hypothesis in hypotheses()) > ALIKE)
     force, specific = sums.mean(FORCE), sums.mean(SPECIFIC)

@@ -6,12 +6,11 @@ sensor tells is compared with what the experiment declares: mass, centre of grav
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, OFFSET_AT, CentreFit
+from identify.judge.conventions.convention_fit import MOMENT_TERMS, CentreFit
 from identify.judge.conventions.convention_sums import (
     ALPHA,
     FORCE,
@@ -33,9 +32,16 @@ from identify.judge.conventions.conventions import (
 )
 from identify.judge.conventions.declared_rig import DeclaredRig, Matrix, Vector
 from identify.judge.conventions.free_rotation import FreeRotation
-from identify.judge.conventions.gravity_findings import MASS_OVER_SIGMA, AttitudeSignal, run_gravity
+from identify.judge.conventions.gravity_findings import AttitudeSignal, run_gravity
 from identify.judge.conventions.imu_conventions import STANDARD_GRAVITY, in_free_fall, wrong_units
-from identify.judge.conventions.removed_weight import ApparentMass, apparent_mass, missing_weight
+from identify.judge.conventions.removed_weight import (
+    CERTAIN,
+    PARTLY,
+    ApparentMass,
+    apparent_mass,
+    mass_by_motion,
+    missing_weight,
+)
 from identify.judge.conventions.rotation_findings import (
     CERTAIN_SHIFT,
     LEAST_TURN,
@@ -46,29 +52,15 @@ from identify.judge.conventions.rotation_findings import (
     rotation_finding,
     small_turn_text,
 )
+from identify.judge.conventions.wrench_units import BodyByWrench, other_units
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 
-FORCE_UNITS = {"lbf": 4.4482216, "kgf": 9.80665, "kN": 1000.0}
-"""Newtons in each unit of force.
-
-Definition: NIST SP 811, B.8.
-"""
-MOMENT_UNITS = {"N*mm": 1e-3, "N*cm": 1e-2, "lbf*inch": 0.11298483, "lbf*ft": 1.3558179, "kgf*cm": 0.0980665}
-"""Newton metres in each unit of moment.
-
-Definition: NIST SP 811, B.8.
-"""
 MASS_TOLERANCE = 0.15
 """Departure of the force at rest from the declared weight that is no finding.
 
 Choice: an error of gain or zero is smaller. In 40 clean runs at most 0.04 (``tests.helpers.judge_margins``).
-"""
-UNIT_TOLERANCE = 0.1
-"""Departure of a ratio from that of a unit.
-
-Choice: as a gain error and a rounded mass have together; no two units are so near.
 """
 LEAST_GRAVITY = 2.0
 """Specific force without which nothing is judged [m/s²].
@@ -79,21 +71,6 @@ LEAST_SHIFT = 3e-3
 """Distance below which no other point is named [m].
 
 Choice: a drawing's centre of gravity is no better. In 40 clean runs at most 0.5 mm (``tests.helpers.judge_margins``).
-"""
-ALIKE = 1.5
-"""Factor by which a distance may differ from that of a unit.
-
-Choice: a motion may tell it poorly, and units are ten times apart but for lbf·ft.
-"""
-PARTLY = 0.5
-"""Part of the weight that the force must lack throughout, beyond three standard deviations, to be named.
-
-Choice: a load cell's zero is smaller.
-"""
-FAR_BETTER = 10.0
-"""Factor by which another unit of the moment must lower chi-square to be named in place of another point.
-
-Choice: a unit moves the centre of gravity by tens of standard deviations or not at all.
 """
 TOLD = 0.25
 """Part of an axis in directions that the run does not determine, below which its coordinate is stated.
@@ -179,7 +156,7 @@ class _Examination:
                 self.wrench, mass=significant(weight.mass, 2), body=body, lines=self._weight_cure(given)
             )
             return
-        yield from self._units(weight)
+        yield from self._units(weight, given)
         yield from self._partly_missing(given)
         yield from self._turned(scales(self.sums, weight=True, terms=MOMENT_TERMS))
         yield from self._point()
@@ -254,38 +231,32 @@ class _Examination:
 
     def _partly_missing(self, given: Scales) -> Iterator[Contradiction]:
         """Yield the finding on a weight that is partly missing, where the changes of the force determine the mass."""
-        priors = replace(given, offset=np.inf).priors
-        fit = convention_fit.solve(self.sums, FORCE_TERMS, FORCE, variance=given.force, priors=priors)
-        mass, sigma = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
-        mean = self.sums.mean(SPECIFIC)
-        share = float(-fit.values[OFFSET_AT] @ mean / (mean @ mean)) / mass if mass > 0 else 0.0
-        if not self.sums.tilts and mass > MASS_OVER_SIGMA * sigma and share > PARTLY + 3 * sigma / mass:
-            yield Finding.WEIGHT_PARTLY_MISSING.on(
-                self.wrench, mass=significant(mass, 2), share=share, lines=self._weight_cure(given)
-            )
+        motion = mass_by_motion(self.sums)
+        if motion is not None and motion.missing > PARTLY + 3 * motion.sigma / motion.mass:
+            figures = {"mass": significant(motion.mass, 2), "share": motion.missing}
+            yield Finding.WEIGHT_PARTLY_MISSING.on(self.wrench, lines=self._weight_cure(given), **figures)
 
     # Units
 
-    def _units(self, weight: ApparentMass) -> Iterator[Contradiction]:
-        yield from self._force_unit(weight)
-        before = self.sums
-        if weight.too_light(before):
-            self.sums = self.sums.scaled(MOMENT, MOMENT_UNITS["N*mm"])
-            yield Finding.MOMENT_OF_AIR.on(self.wrench, density=significant(weight.density(before), 2))
-
-    def _force_unit(self, weight: ApparentMass) -> Iterator[Contradiction]:
-        mass = self.declared.mass
-        if mass is None or abs(weight.mass - mass) < MASS_TOLERANCE * mass + weight.uncertainty:
-            return
-        ratio = mass / weight.mass
-        margin = UNIT_TOLERANCE + weight.uncertainty / weight.mass
-        unit = next((name for name, size in FORCE_UNITS.items() if abs(ratio / size - 1) < margin), None)
-        masses = {"weighs": significant(weight.mass), "stated": significant(mass)}
-        if unit is None:
+    def _units(self, weight: ApparentMass, given: Scales) -> Iterator[Contradiction]:
+        """Yield the finding on units, with its rivals, or that on a declared mass which no unit explains."""
+        motion = mass_by_motion(self.sums)
+        mass, sigma = (weight.mass, weight.uncertainty) if motion is None else (motion.mass, CERTAIN * motion.sigma)
+        body = BodyByWrench(
+            sums=self.sums, given=given, mass=mass, uncertainty=sigma, centre=self._centre(self.sums),
+            by_motion=motion is not None,
+        )  # fmt: skip
+        readings, declared = other_units(body, self.declared), self.declared.mass
+        if readings:
+            best, *rivals = readings
+            self.sums = best.applied(self.sums)
+            doubt = "".join(f"; or {rival.lines()}, which fits as well" for rival in rivals)
+            weighs = significant(best.force_factor * mass, 3)
+            shown = significant(mass, 3)
+            yield Finding.UNITS.on(self.wrench, shown=shown, mass=weighs, doubt=doubt, lines=best.lines())
+        elif declared is not None and abs(mass - declared) > MASS_TOLERANCE * declared + sigma:
+            masses = {"weighs": significant(mass), "stated": significant(declared)}
             yield Finding.WEIGHT_OF_ANOTHER_MASS.on(self.wrench, **masses)
-        else:
-            self.sums = self.sums.scaled(FORCE, FORCE_UNITS[unit])
-            yield Finding.FORCE_UNIT.on(self.wrench, unit=unit, **masses)
 
     # Small turns, and the moment's point
 
@@ -318,18 +289,6 @@ class _Examination:
         shift = self.declared.r_cg - centre.r
         return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
 
-    def _moment_unit(self, centre: CentreFit, certain: np.ndarray, chi_square: float) -> str | None:
-        """The moment's unit that puts the centre of gravity where it is declared, if one does."""
-        assert self.declared.r_cg is not None  # noqa: S101
-        stated = self.declared.r_cg[certain]
-        if float(np.linalg.norm(stated)) <= LEAST_SHIFT:
-            return None
-        times = float(centre.r[certain] @ stated / (stated @ stated))
-        near = [name for name, size in MOMENT_UNITS.items() if 1 / ALIKE < times * size < ALIKE]
-        chi_squares = {name: self._misplaced(self.sums.scaled(MOMENT, MOMENT_UNITS[name])) for name in near}
-        best = min(near, key=chi_squares.__getitem__, default=None)
-        return best if best is not None and chi_squares[best] < chi_square / FAR_BETTER else None
-
     def _point(self) -> Iterator[Contradiction]:
         if self.declared.r_cg is None:
             return
@@ -338,10 +297,6 @@ class _Examination:
         certain = np.diag(centre.undetermined) < TOLD
         chi_square = float(shift @ np.linalg.solve(covariance, shift))
         if chi_square < CERTAIN_SHIFT or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
-            return
-        unit = self._moment_unit(centre, certain, chi_square)
-        if unit is not None:
-            yield Finding.MOMENT_UNIT.on(self.wrench, times=significant(1 / MOMENT_UNITS[unit], 4), unit=unit)
             return
         point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
         where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
