@@ -54,6 +54,8 @@ class JointTable(TomlTable, frozen=True, kw_only=True):
 
     name: Name | None = None
     """Name of the joint in the URDF; missing: every joint that no other table names."""
+    fixed: Position | None = None
+    """Position in which the joint stays, such as a gripper's, which then is no joint of the arm."""
     position: Annotated[tuple[Written, Written], written(_range, {**RANGE, "maxItems": 2})] | None = None
     """Lowest and highest position of the joint."""
     speed: Annotated[Written, of_joint("rad/s", "m/s", positive=True)] | None = None
@@ -98,6 +100,8 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
             names = [joint.name for joint in self.joint]
             if twice := next((name for name in names if names.count(name) > 1), None):
                 raise WrongKeyError("joint", "write one table each", f"names {quoted(twice)} twice")
+            if any(joint.fixed is not None and joint.name is None for joint in self.joint):
+                raise WrongKeyError("joint", "add its name", "fixes a joint without a name")
             return
         defaults = ArmKeys()
         for key in ArmKeys.__struct_fields__:
@@ -107,6 +111,11 @@ class ArmKeys(TomlTable, frozen=True, kw_only=True):
 
 class DeclaredArm(ArmKeys, frozen=True, kw_only=True):
     """A robot arm as declared; its URDF is not yet read."""
+
+    @property
+    def fixed(self) -> dict[str, Written]:
+        """Position of each joint that is fixed."""
+        return {str(joint.name): joint.fixed for joint in self.joint if joint.fixed is not None}
 
     urdf: str
     """Path of the arm's description."""

@@ -3,16 +3,19 @@
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rig.exceptions import RigError, listed, on_one_line, quoted, reason
 from rig.read_limits import require_file
+from uq.experiment.arm_table import Written
 from uq.files.document import ExperimentError
 
 LARGEST = 2**24
@@ -20,6 +23,7 @@ LARGEST = 2**24
 MOST_LINKS, DEEPEST = 1000, 100
 """Links of a robot, and links one behind the other: libraries follow them by recursion, which ends in a crash of the
 process at some thousands, and their time grows with the square. Humanoids with hands have some 150 and 40."""
+NONE_FIXED: Mapping[str, Written] = MappingProxyType({})
 MOST_NESTED = 100
 """Elements of XML inside one another; a URDF has some ten."""
 
@@ -106,23 +110,75 @@ def _no_urdf(urdf: str, key: str, error: Exception) -> ExperimentError:
     return ExperimentError(f"no URDF {urdf} at {key} ({reason(first)}): give a robot's description")
 
 
-def urdf_model(urdf: str, key: str, what: str) -> Any:
+def urdf_robot(urdf: str, key: str, fixed: Mapping[str, Written] = NONE_FIXED) -> ElementTree.Element:
+    """Return the robot of a URDF, some joints of it fixed at a position.
+
+    Args:
+        urdf: its path.
+        key: which key of the experiment names it.
+        fixed: positions of joints by their names.
+
+    Raises:
+        ExperimentError: there is no such file or joint, or it is no URDF; an angle for a joint that slides.
+    """
+    robot = ElementTree.fromstring(urdf_text(urdf, key))  # noqa: S314 - refused there: types, depth, size
+    joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+    for name, position in fixed.items():
+        if name not in joints:
+            raise ExperimentError(f"platform.joint: {Path(urdf).name} has no joint {quoted(name)}")
+        if (joints[name].get("type") == "prismatic") != (position.unit == "m"):
+            raise ExperimentError(
+                f"platform.joint: fixed of {quoted(name)} is in {position.unit}: mm for a joint that slides, else deg"
+            )
+        try:
+            _fix(joints[name], position.value)
+        except ValueError:
+            raise ExperimentError(f"no direction or place in joint {quoted(name)} of {Path(urdf).name}") from None
+    return robot
+
+
+def _vector(element: ElementTree.Element | None, key: str, default: str) -> np.ndarray:
+    return np.array((default if element is None else element.get(key, default)).split(), float)
+
+
+def _fix(joint: ElementTree.Element, position: float) -> None:
+    """Make a joint of a URDF a fixed one, its child where the joint's position puts it."""
+    origin, axis = joint.find("origin"), joint.find("axis")
+    place, angles = (_vector(origin, key, "0 0 0") for key in ("xyz", "rpy"))
+    along = _vector(axis, "xyz", "1 0 0")
+    if not np.isfinite(along).all() or not along.any():
+        raise ValueError
+    step = position * along / np.linalg.norm(along)
+    turn = Rotation.from_euler("xyz", angles)  # about the parent's axes, one after the other
+    if joint.get("type") == "prismatic":
+        place = place + turn.apply(step)
+    else:
+        turn *= Rotation.from_rotvec(step)
+    joint.set("type", "fixed")
+    for child in [child for child in joint if child.tag not in ("parent", "child")]:
+        joint.remove(child)
+    pose = {"xyz": place, "rpy": turn.as_euler("xyz")}
+    ElementTree.SubElement(joint, "origin", {key: " ".join(map(repr, map(float, pose[key]))) for key in pose})
+
+
+def urdf_model(urdf: str, key: str, what: str, fixed: Mapping[str, Written] = NONE_FIXED) -> Any:
     """Return Pinocchio's model of a URDF.
 
     Args:
         urdf: its path.
         key: which key of the experiment names it.
         what: what needs it, in the plural.
+        fixed: positions of joints that are to be fixed, by their names.
 
     Raises:
-        ExperimentError: there is no such file, or it is no URDF.
+        ExperimentError: there is no such file or joint, or it is no URDF.
         RigError: Pinocchio is not installed.
     """
     try:
         import pinocchio
     except ImportError:
         raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[urdf]` installs it") from None
-    text = _with_limits(urdf_text(urdf, key))
+    text = _with_limits(urdf_robot(urdf, key, fixed))
     try:
         with silence():
             model = pinocchio.buildModelFromXML(text)
@@ -132,19 +188,18 @@ def urdf_model(urdf: str, key: str, what: str) -> Any:
     return model
 
 
-def _with_limits(text: str) -> str:
-    """Give a joint without <limit> one that limits nothing: Pinocchio reads no such joint, though none of it is needed.
+def _with_limits(robot: ElementTree.Element) -> str:
+    """Return the text of a robot, where each joint without <limit> has one that limits nothing, as Pinocchio needs it.
 
     Zeros stand for no range, as a missing ``lower`` and ``upper`` do.
     """
-    robot = ElementTree.fromstring(text)  # noqa: S314 - refused before: types, depth, size
     without = [
         joint for joint in robot.findall("joint")
         if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
     ]  # fmt: skip
     for joint in without:
         ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
-    return ElementTree.tostring(robot, "unicode") if without else text
+    return ElementTree.tostring(robot, "unicode")
 
 
 def frame_number(model: Any, frame: str, urdf: str, key: str) -> int:

@@ -51,7 +51,7 @@ class Arm:
         declared = experiment.arm
         if declared is None:
             raise ExperimentError('missing key platform.kind: write kind = "arm", and describe the arm')
-        model = urdf_model(declared.urdf, "platform.urdf", "arms")
+        model = urdf_model(declared.urdf, "platform.urdf", "arms", declared.fixed)
         frame = frame_number(model, declared.tool, declared.urdf, "platform.tool")
         numbers = _serial(model, frame, declared.urdf)
         axes = np.array([joint_axis(model, k, declared.urdf) for k in numbers])
@@ -121,8 +121,8 @@ def _serial(model: Any, frame: int, urdf: str) -> list[int]:
         name, joint = quoted(model.names[number]), model.joints[number]
         if number not in numbers:
             raise ExperimentError(
-                f"joint {name} of {Path(urdf).name} does not move the tool: make it fixed, since only serial arms are "
-                "designed for"
+                f"joint {name} of {Path(urdf).name} does not move the tool: fix it where it stays, by a "
+                f'[[platform.joint]] with name = {name} and fixed = "0 mm" or "0 deg"'
             )
         if joint.nv != 1 or "Helical" in joint.shortname() or "Mimic" in joint.shortname():
             raise ExperimentError(f"joint {name} of {Path(urdf).name} neither turns nor slides about one axis alone")
@@ -144,7 +144,7 @@ def _limits(
     model: Any, declared: DeclaredArm, numbers: list[int], slides: tuple[bool, ...]
 ) -> Iterator[tuple[tuple[float, float], tuple[float, float, float]]]:
     """Range of each joint, and its largest speed, acceleration and effort."""
-    tables = {table.name: table for table in declared.joint}
+    tables = {table.name: table for table in declared.joint if table.fixed is None}
     names = [model.names[number] for number in numbers]
     if unknown := [name for name in tables if name is not None and name not in names]:
         raise ExperimentError(f"platform.joint: unknown joint {quoted(unknown[0])}: the joints are {listed(names)}")

@@ -104,7 +104,8 @@ def design_arm(
     noise = declared_noise(experiment, arm.declared.rate)
     tell("common practice", 0, 1)
     limits = ArmLimits(experiment, arm, Clearance.of(arm))
-    loaded_model(arm, experiment.body, experiment.gravity)  # before minutes of search: the motion will be simulated
+    # before minutes of search: the motion will be simulated
+    loaded_model(arm, experiment.body, experiment.gravity)
     search = JointSearch(limits, noise, duration=duration, period=period, ramp=ramp)
     reference = random_series(search, random, seed)
     single = single_joints(limits, noise, duration, ramp)

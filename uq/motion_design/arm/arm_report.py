@@ -13,6 +13,7 @@ from uq.files.provenance import provenance
 from uq.motion_design.arm.arm_design import ArmDesign
 from uq.motion_design.arm.joint_export import joint_files
 from uq.motion_design.arm.mujoco_run import MujocoRun, simulated
+from uq.motion_design.arm.payload_experiment import payload_experiment
 from uq.motion_design.arm.predicted_payload import average_expanded
 from uq.motion_design.report import MotionReport
 
@@ -44,6 +45,7 @@ class ArmDesignReport(MotionReport):
         """Warnings that a reader must not miss: contacts, exceeded limits, sources that do not count."""
         texts = [f"In the simulation {contact}: do not run this motion." for contact in self.run.contacts]
         texts += [f"In the simulation {peak}." for peak in self.run.peaks if peak.share > 1 + TOLERATED]
+        texts += self.design.limits.clearance.exceptions()
         if self.run.unseen:
             texts.append(f"The simulation sees no contact of {', '.join(self.run.unseen)}: MuJoCo reads no such mesh.")
         if self.design.noise.left_out:
@@ -103,10 +105,10 @@ def arm_report(design: ArmDesign, *, rehearsal: float | None = None, out: Path |
         OSError: the folder cannot be written.
     """
     arm, series, experiment = design.limits.arm, design.designed.series, design.experiment
-    contents = joint_files(arm, series)
+    contents = joint_files(arm, series) | payload_experiment(experiment, arm.declared)
     if rehearsal is not None:
         contents |= joint_files(arm, series, "rehearsal", rehearsal)
     if out is not None:
         place(contents, out)
-    run = simulated(arm, experiment.body, experiment.gravity, series)
+    run = simulated(arm, experiment.body, experiment.gravity, series, design.limits.clearance.may_touch)
     return ArmDesignReport(design, run, contents, provenance(**experiment.inputs(), goal=design.goal))

@@ -1,13 +1,14 @@
 """Distances of an arm's links from each other and from the floor: lower bounds for the search, Coal for the check.
 
-The shapes are the collision shapes of the URDF; links that a joint connects may touch. For the search every shape is
+The shapes are the collision shapes of the URDF; links that a joint connects may touch, as may those that a SRDF names
+or that touch at home with one link between them, by their construction. For the search every shape is
 covered by spheres along its longest axis. Their distance from the other shape, in closed form, is at most that of the
 two shapes, and the larger of both ways round is a close bound, of which JAX has the gradient. The check asks the
 library Coal, which comes with Pinocchio, for the shapes themselves.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -22,7 +23,7 @@ from rig.exceptions import reason
 from uq.files.document import ExperimentError
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.collision_meshes import with_mesh_files
-from uq.recorded.urdf_model import silence
+from uq.recorded.urdf_model import silence, urdf_text
 
 FLOOR = "the floor"
 CLOSER = 3
@@ -90,6 +91,10 @@ class Clearance:
     """Pinocchio's, with these pairs."""
     shapes: tuple[Shape, ...]
     pairs: tuple[tuple[int, int], ...]
+    may_touch: tuple[tuple[str, str], ...]
+    """Links that may touch: those that touch at home, or that the SRDF names."""
+    margins: Mapping[tuple[int, int], float]
+    """Distance that a pair must keep which is nearer at home than the clearance, by construction [m]."""
 
     @classmethod
     def of(cls, arm: Arm) -> "Clearance":
@@ -98,20 +103,58 @@ class Clearance:
         Raises:
             ExperimentError: a shape cannot be read, or links are too near each other at home.
         """
-        geometry = _geometry(arm)
+        import pinocchio
+
+        disabled = _disabled(arm.declared.urdf)
+        geometry = _geometry(arm, disabled)
         shapes = tuple(_shape(shape) for shape in geometry.geometryObjects if shape.name != FLOOR)
-        pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs if pair.second < len(shapes)]
-        clearance = cls(arm, geometry, shapes, tuple(pairs))
-        if touch := next(clearance.touches(arm.home[None]), None):
-            raise ExperimentError(
-                f"platform.home: {touch.first} is nearer to {touch.second} than platform.clearance: choose "
-                "another home, or smaller collision shapes"
-            )
-        bounds = np.asarray(
-            jax.jit(clearance.gaps)(jnp.asarray(arm.home))
-        )  # what only seems too near is left to the check
+        clearance = cls(arm, geometry, shapes, pairs=(), may_touch=(), margins={})
+        distances = dict(clearance._near_at_home())
+        touching = [pair for pair, distance in distances.items() if distance <= 0]
+        for first, second in touching:
+            geometry.removeCollisionPair(pinocchio.CollisionPair(first, second))
+        may_touch = {*disabled, *((clearance._link(first), clearance._link(second)) for first, second in touching)}
+        margins = {pair: distance / 2 for pair, distance in distances.items() if distance > 0}
+        kept = [(pair.first, pair.second) for pair in geometry.collisionPairs if pair.second < len(shapes)]
+        pairs = [pair for pair in kept if pair not in margins]
+        clearance = replace(clearance, pairs=tuple(pairs), may_touch=tuple(sorted(may_touch)), margins=margins)
+        # what only seems too near is left to the check
+        bounds = np.asarray(jax.jit(clearance.gaps)(jnp.asarray(arm.home)))
         apart = [pair for pair, gap in zip(pairs, bounds, strict=False) if gap > arm.declared.clearance]
-        return cls(arm, geometry, shapes, tuple(apart))
+        return replace(clearance, pairs=tuple(apart))
+
+    def _near_at_home(self) -> Iterator[tuple[tuple[int, int], float]]:
+        """Yield the pairs that are nearer at home than the clearance, with one link between them, and their distance.
+
+        Raises:
+            ExperimentError: others are, which are so near in this pose alone.
+        """
+        import pinocchio
+
+        data, collisions = self.arm.model.createData(), self.geometry.createData()
+        home, shapes = self.arm.in_pinocchio(self.arm.home), self.geometry.geometryObjects
+        pinocchio.computeDistances(self.arm.model, data, self.geometry, collisions, home)
+        for pair, result in zip(self.geometry.collisionPairs, collisions.distanceResults, strict=True):
+            if result.min_distance > self.arm.declared.clearance:
+                continue
+            first, second = self._link(pair.first), self._link(pair.second)
+            if second == FLOOR or abs(shapes[pair.first].parentJoint - shapes[pair.second].parentJoint) > 2:
+                raise ExperimentError(
+                    f"platform.home: {first} is nearer to {second} than platform.clearance: choose another home, or "
+                    "smaller collision shapes"
+                )
+            yield (pair.first, pair.second), result.min_distance
+
+    def exceptions(self) -> Iterator[str]:
+        """Yield what keeps less than the clearance, as sentences."""
+        if self.may_touch:
+            pairs = "; ".join(" and ".join(pair) for pair in self.may_touch)
+            yield f"May touch, as they do at home or as the SRDF says: {pairs}."
+        for (first, second), margin in self.margins.items():
+            yield (
+                f"{self._link(first)} and {self._link(second)} are {1e3 * 2 * margin:.3g} mm apart at home, less than "
+                "platform.clearance: half of that is kept."
+            )
 
     def gaps(self, q: Float[Array, " n"]) -> Float[Array, " p"]:
         """Return a lower bound of the distance of each pair, then each moving shape's height above the floor [m]."""
@@ -146,8 +189,8 @@ class Clearance:
         import pinocchio
 
         model, data, collisions = self.arm.model, self.arm.model.createData(), self.geometry.createData()
-        for request in collisions.collisionRequests:
-            request.security_margin = self.arm.declared.clearance
+        for pair, request in zip(self.geometry.collisionPairs, collisions.collisionRequests, strict=True):
+            request.security_margin = self.margins.get((pair.first, pair.second), self.arm.declared.clearance)
         for instant, at in enumerate(q):
             position = self.arm.in_pinocchio(at)
             if not pinocchio.computeCollisions(model, data, self.geometry, collisions, position, True):
@@ -170,13 +213,22 @@ class Clearance:
         return FLOOR if shape.name == FLOOR else str(self.arm.model.frames[shape.parentFrame].name)
 
 
-def _geometry(arm: Arm) -> Any:
-    """Pinocchio's geometry of an arm, with the pairs that must not touch: not those that a joint connects."""
+def _disabled(urdf: str) -> set[tuple[str, str]]:
+    """Pairs of links that a SRDF of the URDF's name beside it leaves out; none where there is no such file."""
+    path = Path(urdf).with_suffix(".srdf")
+    if not path.exists():
+        return set()
+    robot = ElementTree.fromstring(urdf_text(str(path), "platform.urdf"))  # noqa: S314 - refused there
+    return {(pair.get("link1", ""), pair.get("link2", "")) for pair in robot.findall("disable_collisions")}
+
+
+def _geometry(arm: Arm, disabled: set[tuple[str, str]]) -> Any:
+    """Pinocchio's geometry of an arm, with the pairs that must not touch: none that a joint connects or is disabled."""
     import coal
     import pinocchio
 
     urdf = arm.declared.urdf
-    robot = ElementTree.tostring(with_mesh_files(urdf, "platform.urdf"), "unicode")
+    robot = ElementTree.tostring(with_mesh_files(arm.declared), "unicode")
     try:
         with silence():
             geometry = pinocchio.buildGeomFromUrdfString(arm.model, robot, pinocchio.GeometryType.COLLISION)
@@ -187,9 +239,10 @@ def _geometry(arm: Arm) -> Any:
         ) from None
     geometry.removeAllCollisionPairs()
     links = [shape.parentJoint for shape in geometry.geometryObjects]
+    names = [arm.model.frames[shape.parentFrame].name for shape in geometry.geometryObjects]
     for b in range(len(links)):
         for a in range(b):
-            if abs(links[a] - links[b]) > 1:
+            if abs(links[a] - links[b]) > 1 and not {(names[a], names[b]), (names[b], names[a])} & disabled:
                 geometry.addCollisionPair(pinocchio.CollisionPair(a, b))
     if arm.declared.floor is not None:
         plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), arm.declared.floor)

@@ -7,23 +7,20 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from rig.exceptions import quoted
+from uq.experiment.arm_table import DeclaredArm
 from uq.files.document import ExperimentError
-from uq.recorded.urdf_model import urdf_text
+from uq.recorded.urdf_model import urdf_robot
 
 PACKAGE = ("package://", "model://")
 
 
-def with_mesh_files(urdf: str, key: str) -> ElementTree.Element:
-    """Return the robot of a URDF without what is only looked at, the meshes of its collision shapes as paths.
-
-    Args:
-        urdf: its path.
-        key: which key of the experiment names it.
+def with_mesh_files(arm: DeclaredArm) -> ElementTree.Element:
+    """Return the robot of an arm's URDF without what is only looked at, the meshes of its collision shapes as paths.
 
     Raises:
         ExperimentError: there is no such file, it is no XML, it holds too much, or a mesh has no file.
     """
-    robot = ElementTree.fromstring(urdf_text(urdf, key))  # noqa: S314 - refused there: types, depth, size
+    urdf, robot = arm.urdf, urdf_robot(arm.urdf, "platform.urdf", arm.fixed)
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             link.remove(seen)

@@ -5,7 +5,7 @@ the torque of arm and payload, which it takes to be lighter than it is, with a p
 error, and cuts it at the limits: joints track with error.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ ASSUMED = 0.8
 """Part of the payload's mass and tensor that the controller reckons with."""
 FORMATS = (".stl", ".obj", ".msh")
 """File formats of the meshes that MuJoCo reads."""
+Pairs = Sequence[tuple[str, str]]
 STEPS = 2
 """Steps of the simulation in a period of the command."""
 
@@ -51,7 +52,7 @@ class MujocoRun:
     """Mesh files that the simulation leaves out."""
 
 
-def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> MujocoRun:
+def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries, may_touch: Pairs = ()) -> MujocoRun:
     """Run a motion in MuJoCo.
 
     Args:
@@ -59,13 +60,14 @@ def simulated(arm: Arm, body: Body, gravity: float, series: JointSeries) -> Mujo
         body: the payload.
         gravity: local gravity [m/s²].
         series: the motion.
+        may_touch: links that may (:attr:`uq.motion_design.arm.clearance.Clearance.may_touch`).
 
     Raises:
         ExperimentError: MuJoCo cannot read the URDF.
         RigError: MuJoCo is not installed.
     """
     assumed = Body(np.asarray(ASSUMED * body.mass), body.r_cg_from_q, np.asarray(ASSUMED * body.inertia))
-    loaded, reckoned = loaded_model(arm, body, gravity), loaded_model(arm, assumed, gravity)
+    loaded, reckoned = (loaded_model(arm, load, gravity, may_touch) for load in (body, assumed))
     order = [loaded.joint(name).dofadr[0] for name in arm.names]
     mujoco, rate = _mujoco(), STEPS * arm.declared.rate
     t = np.arange(round(series.duration * rate) + 1) / rate
@@ -112,7 +114,7 @@ def _mujoco() -> Any:
     return mujoco
 
 
-def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
+def loaded_model(arm: Arm, body: Body, gravity: float, may_touch: Pairs = ()) -> Any:
     """Return the compiled model of :func:`loaded_spec`.
 
     Raises:
@@ -120,7 +122,7 @@ def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
         RigError: MuJoCo is not installed.
     """
     try:
-        return loaded_spec(arm, body, gravity).compile()
+        return loaded_spec(arm, body, gravity, may_touch).compile()
     except ValueError as error:
         if isinstance(error, (ExperimentError, RigError)):
             raise
@@ -131,14 +133,14 @@ def loaded_model(arm: Arm, body: Body, gravity: float) -> Any:
 
 def left_out(arm: Arm) -> tuple[str, ...]:
     """Return the meshes of collision shapes that MuJoCo cannot read, so that the simulation has no such contacts."""
-    robot = with_mesh_files(arm.declared.urdf, "platform.urdf")
+    robot = with_mesh_files(arm.declared)
     files = (Path(mesh.get("filename", "")) for mesh in robot.iter("mesh"))
     return tuple(dict.fromkeys(file.name for file in files if file.suffix.lower() not in FORMATS))
 
 
 def _robot(arm: Arm) -> tuple[str, dict[str, bytes]]:
     """The URDF with its meshes under names without folders, and their content by these names."""
-    robot, meshes = with_mesh_files(arm.declared.urdf, "platform.urdf"), dict[str, bytes]()
+    robot, meshes = with_mesh_files(arm.declared), dict[str, bytes]()
     for compiler in robot.iter("compiler"):  # of MuJoCo's own element: folders of the meshes
         for key in ("meshdir", "assetdir"):
             compiler.attrib.pop(key, None)
@@ -155,8 +157,10 @@ def _robot(arm: Arm) -> tuple[str, dict[str, bytes]]:
     return ElementTree.tostring(robot, "unicode"), meshes
 
 
-def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
+def loaded_spec(arm: Arm, body: Body, gravity: float, may_touch: Pairs = ()) -> Any:
     """Return MuJoCo's specification of the arm of the URDF, with a payload and the wrist's sensors at Q.
+
+    The links in ``may_touch`` may touch.
 
     Raises:
         ExperimentError: the URDF or a mesh cannot be read.
@@ -172,6 +176,10 @@ def loaded_spec(arm: Arm, body: Body, gravity: float) -> Any:
         geom.density = geom.mass = 0.0  # masses are those that the URDF states
     first = spec.worldbody.first_body().name
     spec.add_exclude(bodyname1="world", bodyname2=first)  # which a joint connects
+    bodies = {body.name for body in spec.bodies}
+    for pair in may_touch:
+        if pair[0] != pair[1] and bodies.issuperset(pair):
+            spec.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
     last = next(joint.parent for joint in spec.joints if joint.name == arm.names[-1])
     turn, quaternion = np.asarray(arm.chain.tool_rotation), np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, turn.ravel())

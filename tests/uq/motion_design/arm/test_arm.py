@@ -1,6 +1,7 @@
 """The arm of uq/examples: its chain against MuJoCo, its clearances against Coal, and what is refused in one line."""
 
 import copy
+import re
 from pathlib import Path
 
 import jax
@@ -132,15 +133,84 @@ def test_an_arm_without_its_urdf(experiment):
         Experiment.from_dict(document, EXPERIMENTS)
 
 
-def test_a_branch_is_no_serial_arm(experiment, tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "at", "place"), [("prismatic", "20 mm", [0, 0.1, 0.27]), ("revolute", "90 deg", [-0.1, 0, 0.25])]
+)
+def test_a_gripper_is_fixed_by_the_experiment(experiment, tmp_path, kind, at, place):
+    """Pinocchio has the finger where a table fixes it, MuJoCo has no such joint; what it mimics does not matter."""
     text = (EXPERIMENTS / "arm.urdf").read_text()
     finger = (
-        '<link name="finger"/><joint name="grip" type="prismatic"><parent link="tool"/><child link="finger"/>'
-        '<limit lower="0" upper="1" velocity="1" effort="1"/></joint></robot>'
+        f'<link name="finger"/><joint name="grip" type="{kind}"><parent link="tool"/><child link="finger"/>{{}}'
+        '<origin xyz="0 0 0.25"/><axis xyz="{}"/><limit lower="0" upper="1" velocity="1" effort="1"/></joint>'
+        '<link name="tip"/><joint name="end" type="fixed"><parent link="finger"/><child link="tip"/>'
+        '<origin xyz="0 0.1 0"/></joint></robot>'
     )
-    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger))
-    with pytest.raises(ExperimentError, match=r"joint 'grip' of arm.urdf does not move the tool: make it fixed"):
+    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format("", "0 0 2")))
+    with pytest.raises(
+        ExperimentError, match=r"joint 'grip' of arm.urdf does not move the tool: fix it where it stays"
+    ):
         Arm.of(Experiment.from_dict(experiment.document, tmp_path))
+    joints = experiment.document["platform"]["joint"]
+    document = changed(experiment.document, platform={"joint": [*joints, {"name": "grip", "fixed": at}]})
+    for mimic in ("", '<mimic joint="pan"/>'):
+        (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format(mimic, "0 0 2")))
+        arm = Arm.of(Experiment.from_dict(document, tmp_path))
+        assert arm.names == Arm.of(experiment).names
+        data = arm.model.createData()
+        pinocchio.framesForwardKinematics(arm.model, data, arm.in_pinocchio(arm.home))
+        tool, tip = (data.oMf[arm.model.getFrameId(name)] for name in ("tool", "tip"))
+        np.testing.assert_allclose((tool.inverse() * tip).translation, place, atol=1e-12)
+        assert loaded_model(arm, experiment.body, experiment.gravity).nv == len(arm.names)
+    wrong = [{"fixed": "1 mm" if kind == "revolute" else "1 deg"}, {"name": "thumb"}, {"name": None}]
+    messages = ["fixed of 'grip' is in", "arm.urdf has no joint 'thumb'", "fixes a joint without a name"]
+    for keys, message in zip(wrong, messages, strict=True):
+        table = {key: value for key, value in ({"name": "grip", "fixed": at} | keys).items() if value}
+        with pytest.raises(ExperimentError, match=message):
+            Arm.of(Experiment.from_dict(changed(document, platform={"joint": [*joints, table]}), tmp_path))
+    (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format("", "0 0 0")))
+    with pytest.raises(ExperimentError, match="no direction or place in joint 'grip'"):
+        Arm.of(Experiment.from_dict(document, tmp_path))
+
+
+def test_links_that_touch_by_construction_are_left_out(experiment, tmp_path):
+    """A ball about the wrist touches links with one link between at home; further ones only a SRDF leaves out."""
+    text = (EXPERIMENTS / "arm.urdf").read_text()
+    link = '<link name="wrist_1_link">'
+    assert link in text
+    ball = link + '<collision><geometry><sphere radius="{}"/></geometry></collision>'
+    document = changed(experiment.document)
+    del document["platform"]["floor"]
+    near = Experiment.from_dict(document, tmp_path)
+    (tmp_path / "arm.urdf").write_text(text.replace(link, ball.format(0.14)))
+    clearance = Clearance.of(Arm.of(near))
+    assert ("wrist_1_link", "tool") in clearance.may_touch
+    assert not [*clearance.touches(clearance.arm.home[None])]
+    assert any("May touch" in text and "wrist_1_link and tool" in text for text in clearance.exceptions())
+    (tmp_path / "arm.urdf").write_text(text.replace(link, ball.format(0.9)))
+    with pytest.raises(ExperimentError, match=r"than platform\.clearance: choose another home"):
+        Clearance.of(Arm.of(near))
+    names = re.findall('<link name="(.*?)"', text)
+    pairs = "".join(f'<disable_collisions link1="wrist_1_link" link2="{name}" reason="Never"/>' for name in names)
+    (tmp_path / "arm.srdf").write_text(f'<robot name="arm">{pairs}</robot>')
+    clearance = Clearance.of(Arm.of(near))
+    model = loaded_model(clearance.arm, near.body, near.gravity, clearance.may_touch)
+    data = mujoco.MjData(model)
+    data.qpos[:] = clearance.arm.home
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+
+
+def test_links_that_are_near_at_home_keep_half_of_that(experiment):
+    document = changed(experiment.document, platform={"clearance": "45 mm"})
+    clearance = Clearance.of(Arm.of(Experiment.from_dict(document, EXPERIMENTS)))
+    data, collisions = clearance.arm.model.createData(), clearance.geometry.createData()
+    pinocchio.computeDistances(clearance.arm.model, data, clearance.geometry, collisions, clearance.arm.home)
+    pairs = ((pair.first, pair.second) for pair in clearance.geometry.collisionPairs)
+    home = {pair: found.min_distance for pair, found in zip(pairs, collisions.distanceResults, strict=True)}
+    assert clearance.margins == pytest.approx({pair: d / 2 for pair, d in home.items() if d < 0.045})
+    assert clearance.margins
+    assert not clearance.margins.keys() & {*clearance.pairs}
+    assert not [*clearance.touches(clearance.arm.home[None])]
 
 
 def test_a_sensor_without_noise_cannot_be_designed_for(experiment):

@@ -19,9 +19,11 @@ from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.joint_series import JointSeries
 from identify.serial_arm.payload_information import about_cg
 from rig.exceptions import RigError
+from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.document import ExperimentError
+from uq.identification.identify_files import identify_files
 from uq.motion_design.arm.arm_design import design_arm, goal_function
 from uq.motion_design.arm.arm_report import arm_report
 from uq.motion_design.arm.joint_export import joint_files
@@ -34,6 +36,7 @@ pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 pytest.importorskip("mujoco")
 pinocchio = pytest.importorskip("pinocchio")
 
+JOINTS, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
 EXPERIMENTS = Path(__file__).parents[4] / "uq" / "examples"
 
 
@@ -150,11 +153,31 @@ def test_a_contact_is_seen(design):
     assert "touch at" in run.contacts[0]
 
 
+def test_the_experiment_that_comes_with_it_identifies_the_payload(design, report, tmp_path):
+    """What MuJoCo simulated, as a robot would publish it: joints, and the reaction on the sensor with its noise."""
+    for name, content in report.files().items():
+        (tmp_path / name).write_bytes(content)
+    run, items, random = report.run, [], np.random.default_rng(3)
+    reaction = -run.wrench + random.normal(size=run.wrench.shape) * np.repeat([0.1, 0.005], 3)
+    for k, time in enumerate((10**9 + np.round(1e9 * run.t).astype(int)).tolist()):
+        states = [run.joints.position[k], run.joints.speed[k], np.zeros(0)]
+        joints = STORE.types[JOINTS](header(STORE, time, ""), [*design.limits.arm.names], *states)
+        read = STORE.types[WRENCH](header(STORE, time, "tool"), wrench(STORE, reaction[k, :3], reaction[k, 3:]))
+        items += [(time, "/joint_states", JOINTS, joints), (time, "/wrench", WRENCH, read)]
+    write_rosbag2(tmp_path / "bag", items)
+    result = identify_files([tmp_path / "bag"], Experiment.load(tmp_path / "identify.toml"))
+    body, u = design.experiment.body, result.parameters.standard_uncertainty
+    error = np.array([result.mass, *result.r_cg, *result.inertia]) - [body.mass, *body.r_cg_from_q, *body.inertia]
+    assert (np.abs(error) < 5 * u).all(), error / u
+    assert u[0] < 0.01 * body.mass
+
+
 def test_the_files_say_the_motion(design, report):
     arm, files = design.limits.arm, report.files()
-    assert sorted(files) == sorted(
+    motions = [
         f"{name}.{end}" for name in ("motion", "rehearsal") for end in ("csv", "joint_trajectory.yaml", "script")
-    )
+    ]
+    assert sorted(files) == sorted([*motions, "identify.toml", "arm.urdf"])
     table = np.genfromtxt(io.BytesIO(files["motion.csv"]), delimiter=",", names=True, deletechars="")
     assert len(table) == 8 * 200 + 1
     q, speed, _ = map(np.asarray, design.designed.series.states(table["t_s"]))
