@@ -48,6 +48,10 @@ def _largest(scale: float, unit: str) -> Size:
     return lambda values, spread: f"{significant(scale * float(np.abs(values).max()), 2)} {unit}"
 
 
+def _first(scale: float, unit: str) -> Size:
+    return lambda values, spread: _all(scale, unit)(values[:1], spread[:1])
+
+
 def _none(values: np.ndarray, spread: np.ndarray) -> str:
     return ""
 
@@ -148,7 +152,7 @@ class Finding(Enum):
         _none,
         'two computers? set time = "log" in [recording]{lines}',
     )  # fmt: skip
-    CLOCK = "clock", "the IMU's clock ran off by {} over the run", _all(1e3, "ms"), "check the stamps"
+    CLOCK = "clock", "the IMU's clock ran off by {} over the run", _first(1e3, "ms"), "check the stamps"
     FILTER = "filter", "{}", _lateness, "give both sensors the same filter, or declare the delay" + ESTIMATED
     NONLINEARITY = "nonlinearity", "the load cell were not linear", _none, "use its calibration, or load it less"
     RESONANCE = (

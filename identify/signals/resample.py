@@ -19,7 +19,9 @@ from identify.signals.filters import apply, lowpass
 JITTER_TOLERANCE = 1e-3
 """Departure from uniform sampling, as a part of the sample interval, below which samples are taken as they are."""
 JITTER_WARNING = 0.05
-"""Standard deviation of the intervals, as a part of their mean, that is worth a warning."""
+"""Standard deviation of the intervals, as a part of the usual one, that is worth a warning."""
+MISSING_WARNING = 0.1
+"""Share of samples without which an interval grows by a twentieth, as the root of their number."""
 GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
 SPARSE = 1000
@@ -150,13 +152,18 @@ def refuse_jump(channel: str, t: np.ndarray, name: str) -> None:
 
 
 def jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:
-    """Return a warning of the stamps' jitter, where it is large."""
+    """Return a warning of the stamps' jitter, or else of samples that are missing, where there is much of it."""
     steps = np.diff(t)
-    steps = steps[steps <= GAP * np.median(steps)]
-    spread, mean = float(steps.std()), float(steps.mean())
-    if spread < JITTER_WARNING * mean:
-        return ()
-    return (f"the stamps of the {channel} jitter by {1e3 * spread:.3g} ms at an interval of {1e3 * mean:.3g} ms",)
+    interval = float(np.median(steps))
+    steps = steps[steps <= GAP * interval]
+    periods = np.maximum(np.round(steps / interval), 1)
+    if (steps - periods * interval).std() >= JITTER_WARNING * interval:
+        spread, mean = 1e3 * steps.std(), 1e3 * steps.mean()
+        return (f"the stamps of the {channel} jitter by {spread:.3g} ms at an interval of {mean:.3g} ms",)
+    missing = 1 - len(steps) / float(periods.sum())
+    if missing >= MISSING_WARNING:
+        return (f"{missing:.0%} of the samples of the {channel} are missing, interpolated: check the connection",)
+    return ()
 
 
 def gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ def test_clean_runs_are_not_suspected(method, still, seed):
 NAMED = [
     ("gyro scale", 8e-3, "gyro scale"), ("cable", 1.5, "cable"), ("flexible mounting", 1.0, "flexible mounting"),
     ("cross-talk", 5e-3, "cross-talk"), ("gain drift", 6e-3, "gain drift"), ("ringing mounting", 0.7, "resonance"),
-    ("slip", 6e-3, "slip"),
+    ("slip", 6e-3, "slip"), ("clock", 4e-4, "clock"),
 ]  # fmt: skip
 
 

@@ -47,6 +47,15 @@ def test_jitter_is_named(generator):
     assert Run.from_arrays(t, force, moment, omega).warnings == ()
 
 
+@pytest.mark.parametrize(("share", "words"), [(0.05, ""), (0.2, "of the samples of the wrench are missing")])
+def test_samples_that_are_lost_are_no_jitter(generator, share, words):
+    t, *signals = arrays(1000)
+    kept = generator.random(1000) >= share
+    (text,) = Run.from_arrays(t[kept], *(signal[kept] for signal in signals)).warnings or ("",)
+    assert words in text
+    assert "jitter" not in text
+
+
 def test_between_cuts_and_refuses_an_empty_part():
     run = Run.from_arrays(*arrays())
     assert len(run.between(0.2, 0.5).t) == 31
