@@ -24,6 +24,11 @@ from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_chole
 
 NEAR = 3.0
 """Standard uncertainties from the edge below which bounds matter."""
+UNUSUAL = 2.6
+"""Standard uncertainties from any body beyond which that is worth a warning.
+
+Chance: one in 200 for a body at the edge, such as a flat plate, whose plain estimate lies outside in every second run.
+"""
 CONTRADICTED = 4.0
 """Standard uncertainties from any body beyond which the data are wrong, not weak."""
 ROUNDNESS = 0.02
@@ -56,9 +61,11 @@ class Admissible(NamedTuple):
 
     @property
     def note(self) -> str | None:
-        """Note for a value that stays while intervals end at the limits of a body; None: none ends there."""
-        stays = self.determined.all() and not self.moved
-        return f"{self.reason}; intervals are cut to possible tensors, the value is unchanged" if stays else None
+        """Note on intervals, or a value, that the limits of a body change; None where a warning says it."""
+        if not self.determined.all() or self.distance > UNUSUAL:
+            return None
+        value = "that of the nearest body" if self.moved else "unchanged"
+        return f"{self.reason}; intervals are cut to possible tensors, the value is {value}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it; what is infinite or unknown is None."""

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.admissible_tensor import CONTRADICTED, Admissible, admissible, distance_from_bodies, margin
+from identify.estimators.admissible_tensor import (
+    CONTRADICTED,
+    UNUSUAL,
+    Admissible,
+    admissible,
+    distance_from_bodies,
+    margin,
+)
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
@@ -64,7 +71,8 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         **_without_cross(result, bounded.determined),
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
-    changed = [f"{bounded.reason}: the estimate is that of the nearest body"] if bounded.moved and not weakness else []
+    unusual = bounded.distance > UNUSUAL and not weakness
+    changed = [f"{bounded.reason}: the estimate is that of the nearest body"] if unusual else []
     return replace(weak, warnings=(*result.warnings, *weakness, *changed, *_wide_intervals(weak)))
 
 
