@@ -7,7 +7,7 @@ value q and slope q̇ at its middle, ``omega = 2 vec(q* q̇) / |q|²`` in the bo
 import numpy as np
 from jaxtyping import Float
 
-from identify.signals.differentiate import matched, savitzky_golay
+from identify.signals.differentiate import highest_band, matched, savitzky_golay
 from identify.signals.power_spectrum import motion_band
 from identify.signals.run import RunError
 
@@ -46,7 +46,8 @@ def differentiator(
         taps = matched(rate, band)
     except ValueError:
         raise RunError(
-            f"{name} has {rate:.4g} Hz, too slow for its motion of {band:.3g} Hz: record faster, or move slower"
+            f"{name} has {rate:.4g} Hz, too slow for its motion of {band:.3g} Hz: record faster, move slower, or "
+            f"declare a band of the estimator, here at most {highest_band(rate):.2g} Hz"
         ) from None
     longest = (len(signal) - 1) // 8
     return taps if len(taps) <= longest else savitzky_golay(rate, 2 * longest + 1, ORDER)

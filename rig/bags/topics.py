@@ -15,7 +15,7 @@ from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions
 from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
-from rig.mcap.message_fields import IMU, JOINTS, WRENCH
+from rig.mcap.message_fields import IMU, JOINTS, WRENCH, WRENCHES
 from rig.mcap.records import MESSAGE, Batch, Definitions
 from rig.read_limits import UnpackBudget, parse_json
 
@@ -158,10 +158,14 @@ class Contents:
         first = next((kind for kind in wanted if any(self.types[name] == kind for name in filled)), None)
         filled = [name for name in filled if self.types[name] == first]
         if topic is None and len(filled) > 1:
-            raise RigError(f"several {first} topics in {self.path}: name one of {listed(filled)}")
+            key = "wrench_topic" if first in WRENCHES else "motion_topic"
+            raise RigError(f"several {first} topics in {self.path}: name one of {listed(filled)} ([recording], {key})")
         if not candidates:
             held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
-            raise RigError(f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}")
+            raise RigError(
+                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}; write the fields of another "
+                "type as one of these, or as a table (docs/how-to/recordings.md#messages-of-other-types)"
+            )
         chosen = topic or (filled or candidates)[0]
         if chosen not in self.topics:
             raise RigError(f"topic {chosen} in {self.path} has no messages: record the run again")

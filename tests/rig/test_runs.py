@@ -215,7 +215,7 @@ def test_topics_are_chosen_by_name_or_by_type(tmp_path):
     assert_same(runs.read(path, wrench="/other").wrench, other, WRENCH_COLUMNS)
     assert_same(runs.read(path, wrench="/wrench", imu="/imu").wrench, first, WRENCH_COLUMNS)
     for named, words in [
-        ({}, "several .*name one of /other, /wrench"),
+        ({}, r"several .*name one of /other, /wrench \(\[recording\], wrench_topic\)"),
         ({"wrench": "/none"}, "no topic /none .*choose one of /empty, /other, /wrench"),
         ({"wrench": "/imu"}, "is sensor_msgs/msg/Imu, not .*choose one of"),
         ({"wrench": "/empty"}, "no messages"),

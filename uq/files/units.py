@@ -38,6 +38,8 @@ SPELLING = str.maketrans("²³", "23", "*·⋅^() ")
 """Characters in which the spellings of one unit differ."""
 
 
+POUND = re.compile(r"\blb[mfs]?\b")
+"""Pattern of a pound, as it is written for mass or force."""
 UNREADABLE = (tokenize.TokenError, ArithmeticError, TypeError, ValueError, AttributeError, SyntaxError)
 """Errors that pint raises for a text that it cannot read, beside pint.PintError."""
 
@@ -111,6 +113,10 @@ def _meant(name: str, unit: str, *, known: bool = False) -> str:
     """``did you mean …? `` of a unit of the asked dimension; ``known``: the name is a unit, of another dimension."""
     if _fits(name, unit):
         return ""  # it is the number that cannot be read
+    for pound in ("lb", "lbf"):  # of mass, or of force
+        candidate = POUND.sub(pound, name)
+        if candidate != name and _fits(candidate, unit):
+            return f"did you mean {candidate}? "
     names = [candidate for candidate in (unit, name.lower(), *WRITTEN) if _fits(candidate, unit)]
     for candidate in names:
         if candidate.translate(SPELLING).casefold() == name.translate(SPELLING).casefold():

@@ -99,7 +99,7 @@ def identify_files(
     if experiment.recording.zero_frame == "base" and method not in (None, "joint"):
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
-    spec = experiment.estimator(estimator)
+    spec = experiment.estimator(estimator) if experiment.estimators or estimator else None
     prepared = [_prepared(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
 
@@ -162,7 +162,7 @@ def _after(suspicious: list[str], result: Identification) -> list[str]:
 def _estimated(
     runs: list[Run],
     experiment: Experiment,
-    spec: EstimatorSpec,
+    spec: EstimatorSpec | None,
     prior: Centre | None,
     method: str | None,
     validate: bool,
@@ -210,14 +210,15 @@ def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
 
 
 def _prepared(
-    path: str | Path, experiment: Experiment, spec: EstimatorSpec, windows: Sequence[TimeWindow] | None
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec | None, windows: Sequence[TimeWindow] | None
 ) -> tuple[Run, tuple[str, ...]]:
     """The segments of a run that count, its weight put back, with its rest; and what is assumed."""
     recording = experiment.recording
     marked = any(isinstance(limit, str) for window in windows or () for limit in window)
-    recorded = load(path, recording, band=spec.band, marks=marked)
+    recorded = load(path, recording, band=None if spec is None else spec.band, marks=marked)
     chosen = cut(recorded.run, windows, recorded.marks)
-    check_rate(chosen, spec)
+    if spec is not None:
+        check_rate(chosen, spec)
     assumed = (*recorded.assumptions, *_weight_assumption(recording))
     if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")

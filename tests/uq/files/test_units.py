@@ -81,6 +81,8 @@ def test_what_is_not_a_value_of_that_dimension_is_refused(text, unit):
         ("5 MM", "m", "mm"),
         ("5 dge/s", "rad/s", "deg/s"),
         ("5 m/s2", "m/s^2", "m/s^2"),
+        ("5 lbm", "kg", "lb"),
+        ("5 lb*in*s^2", "kg*m^2", "lbf*in*s^2"),
     ],
 )
 def test_a_misspelt_unit_is_recognised(text, unit, meant):
