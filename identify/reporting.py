@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from hashlib import sha256
 from html import escape
+from io import BytesIO
 from itertools import takewhile
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 from urllib.parse import quote
@@ -72,7 +73,18 @@ class Figures(Mapping):  # without type arguments, since a runtime type checker 
 
     def __init__(self, drawings: Sequence[Drawing]) -> None:
         self.drawings = {drawing.name: drawing for drawing in drawings}
-        self._draw = cache(lambda name: self.drawings[name].draw())
+        self._draw = cache(self._drawn)
+
+    def _drawn(self, name: str) -> "FigureBase":
+        figure: Any = self.drawings[name].draw()
+
+        def png() -> bytes:
+            buffer = BytesIO()
+            figure.savefig(buffer, format="png")
+            return buffer.getvalue()
+
+        figure._repr_png_ = png  # a notebook without %matplotlib inline shows it, too
+        return figure
 
     def __getitem__(self, name: str) -> "Figure":
         if name not in self.drawings:

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from IPython.core.formatters import PNGFormatter
 from matplotlib.figure import Figure
 
 from identify.reporting import Figures, plain, stem
@@ -37,6 +38,7 @@ def test_figures_are_drawn_once_and_only_when_asked_for(weighed):
     assert weighed.drawn == []
     assert figures["mass"] is figures["mass"]
     assert weighed.drawn == ["mass"]
+    assert PNGFormatter()(figures["mass"]).startswith(b"\x89PNG")  # in a notebook without %matplotlib inline
     assert len(Figures([])) == 0
 
 

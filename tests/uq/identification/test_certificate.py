@@ -232,6 +232,10 @@ def test_nothing_is_certified_where_the_runs_contradict_what_is_declared(full, o
     assert (words in shown) is not passes
     assert ("I11: undecided while the runs contradict what is declared." in shown) is not passes
     assert any(note.startswith("contradicted: the runs") for note in certificate.notes()) is not passes
+    first = "Nothing in the runs contradicts" if passes else "Do not use these figures"
+    assert repr(certificate).splitlines()[1].startswith(first)
+    warned = dataclasses.replace(result, declarations=(), warnings=("a clock jumped",))
+    assert repr(warned).splitlines()[1].startswith("Read the warnings below")
 
 
 @pytest.mark.usefixtures("blank_pictures")

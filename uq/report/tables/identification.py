@@ -73,7 +73,16 @@ def overview(result: Identification) -> list[Table]:
         rows = [[*row, ends if determined else "–"] for row, ends, determined in columns]
     head = ["value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
     caption = f"Mass and centre of gravity: {result.centre_from}"
-    return [Table("", ["g·m²", *head], rows), Table(caption, ["", head[0], *head[2:]], mass_rows)]
+    return [Table(trust(result), ["g·m²", *head], rows), Table(caption, ["", head[0], *head[2:]], mass_rows)]
+
+
+def trust(result: Identification) -> str:
+    """Return in a sentence whether the figures may be used."""
+    if result.contradicted:
+        return "Do not use these figures: the runs contradict what is declared."
+    if result.warnings or result.consistency:
+        return "Read the warnings below before you use these figures."
+    return "Nothing in the runs contradicts what is declared: the intervals hold if the assumptions below do."
 
 
 def has_second(result: Identification) -> bool:
