@@ -57,9 +57,9 @@ def shortened(notebook):
     return notebook
 
 
-LONG = {"01_paper", "05_budget", "07_design"}
-"""Their campaigns and search have tests of their own, and how-to pages whose blocks run."""
-CASES = [pytest.param(path, id=path.stem, marks=pytest.mark.slow if path.stem in LONG else ()) for path in NOTEBOOKS]
+FAST = {"02_recording", "03_anybodys_recording"}
+"""What the others compute and search has tests of its own, and how-to pages whose blocks run."""
+CASES = [pytest.param(path, id=path.stem, marks=() if path.stem in FAST else pytest.mark.slow) for path in NOTEBOOKS]
 
 
 @pytest.mark.parametrize("brief", [True, pytest.param(False, marks=pytest.mark.study)], ids=["brief", "whole"])

@@ -49,7 +49,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     run = simulate(Experiment.load(folder / "e.toml"), "T1")
     run.write(folder / "run.mcap")
     packed, plain = (folder / "run.mcap").read_bytes(), _unchecked(folder)
-    montecarlo(Experiment.load(folder / "e.toml"), trials=64, options=RunOptions(checkpoint=folder / "done"))
+    montecarlo(Experiment.load(folder / "e.toml"), trials=200, options=RunOptions(checkpoint=folder / "done"))
     parts, heads = (tuple(p.read_bytes() for p in (folder / "done").glob(name)) for name in ("*.part", "campaign.json"))
     return {
         "experiment": Kind(
@@ -228,4 +228,4 @@ def _resumed(name: str, place: str) -> list[str]:
     shutil.rmtree("out", ignore_errors=True)
     shutil.copytree("done", "out/checkpoint")
     shutil.copy(name, next(Path("out/checkpoint").glob(place)))
-    return ["montecarlo", "e.toml", "--trials", "64", "--out", "out"]
+    return ["montecarlo", "e.toml", "--trials", "200", "--out", "out"]

@@ -19,8 +19,12 @@ def document():
     return changed
 
 
+TRIALS = 200
+"""On sums, campaigns of as many trials with the preset's sources and estimators are one compiled program."""
+
+
 @cache
-def campaign(trials=20, trajectories=None):
+def campaign(trajectories=None, *, trials=TRIALS):
     """Return a campaign on the short preset."""
     return montecarlo(Experiment.from_dict(document()), trials=trials, trajectories=trajectories)
 

@@ -211,4 +211,4 @@ def test_one_trial_draws_nothing_but_does_not_fail(tmp_path):
     nothing = Statistics(np.zeros(6), *(np.full(6, np.nan) for _ in range(3)))
     contributions({"total": nothing}).savefig(tmp_path / "figure.png")
     contributions({f"{k}": nothing for k in range(7)}).savefig(tmp_path / "lines.png")
-    plots.averages(campaign(1, ("T1",)), "central").savefig(tmp_path / "average.png")
+    plots.averages(campaign("T1", trials=1), "central").savefig(tmp_path / "average.png")

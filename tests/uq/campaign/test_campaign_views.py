@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from identify.rigid_body.inertia import COMPONENTS
-from tests.helpers.small_campaign import campaign
+from tests.helpers.small_campaign import TRIALS, campaign
 
 PAIRS = "('T1', 'central'), ('T1', 'smoothed')"
 
 
 @pytest.fixture(scope="module")
 def result():
-    return campaign(trajectories="T1")
+    return campaign("T1")
 
 
 @pytest.mark.parametrize("key", ["T9", "T1", ("T9", "central"), ("T1", "best")])
@@ -72,7 +72,7 @@ def test_the_samples_come_as_an_array_with_names(result):
             np.testing.assert_allclose(of_case.mean("trial"), statistics.mean_error, atol=1e-12)
             np.testing.assert_allclose(3 * of_case.std("trial", ddof=1), statistics.three_sigma, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(samples.true_tensor, result.nominal)
-    assert samples.sel(component="I33", case="total").sizes == {"trajectory": 1, "trial": 20, "estimator": 2}
+    assert samples.sel(component="I33", case="total").sizes == {"trajectory": 1, "trial": TRIALS, "estimator": 2}
 
 
 def test_without_xarray_one_line_says_so(result, monkeypatch):

@@ -242,7 +242,6 @@ def test_packages_start_without_jax():
     ("command", "unused"),
     [
         ("record", "jax numpy scipy serial"),
-        ("schema", "jax numpy scipy msgspec"),
         ("import_", "optimistix equinox scipy.linalg scipy.special pint matplotlib"),
         ("identify", "optimistix pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
         ("centre", "optimistix scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),

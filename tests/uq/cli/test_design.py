@@ -104,7 +104,7 @@ def ran(design, preset, tmp_path_factory):
         "--target",
         "1e-3 g*m^2",
     ]
-    more = ["--rehearsal", "0.5", "--rehearsal-amplitude", "0.8", "--poses", "3"]
+    more = ["--rehearsal", "1", "--rehearsal-amplitude", "0.8", "--poses", "3"]
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(said):
         patch.setattr(command, "design", found)
         patch.setattr(command, "design_report", reported)
@@ -287,7 +287,7 @@ def test_the_command_asks_for_what_it_was_told(ran):
     assert asked == {"goal": "moments", "objective": "rms", "starts": 2, "seed": 3, "duration": 20.0, "period": 4.0}
     assert {"rehearsal.csv", "rehearsal.pi.txt", "rehearsal.moog.bin"} <= set(files)
     about = json.loads(files["rehearsal.json"])
-    assert (about["speed"], about["amplitude"]) == (0.5, 0.8)
+    assert (about["speed"], about["amplitude"]) == (1.0, 0.8)
     assert "Average 3σ of the moments" in said
     assert "result.json, report.html" in said
 

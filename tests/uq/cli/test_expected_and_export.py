@@ -11,7 +11,7 @@ import uq.cli.identify as command_module
 from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema", "blank_pictures")
 
 BODY = """
 name = "steel bar"

@@ -53,6 +53,7 @@ def test_every_command_is_tried():
     assert {command.split()[0] for command in TURNED} == set(COMMANDS)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize("command", TURNED, ids=lambda command: command.replace(NAME, "NAME"))
 def test_a_name_is_printed_with_its_control_characters_written_out(command, folder, capsys, monkeypatch):
     monkeypatch.chdir(folder)

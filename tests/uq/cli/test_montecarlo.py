@@ -10,7 +10,7 @@ from uq.cli import montecarlo as command
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 
-pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
+pytestmark = pytest.mark.usefixtures("results_follow_their_schema", "blank_pictures")
 
 PRESET = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
 SHORT = PRESET.replace("180 s", "3 s").replace("27 s", "0.45 s")
@@ -51,7 +51,6 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     assert not (out / "checkpoint").exists()
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     """Said once, in its report beside the campaign's results; a report without it has no script."""
     monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several
@@ -77,7 +76,6 @@ def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     assert "<script" not in (out / "report.html").read_text()
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path, capsys, monkeypatch):
     class Interrupted(command.TerminalBar):
         def __call__(self, name, done, asked):
@@ -99,28 +97,26 @@ def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path,
     assert one["trajectories"] == two["trajectories"]
 
 
-@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.parametrize(
-    ("option", "engine", "points", "words"),
+    ("option", "points", "trials", "words"),
     [
-        (["--quasi-random"], "sums", "quasi-random", ""),
-        (["--collapsed"], "sums", "random", "--collapsed is the default now: leave it out\n"),
+        ("--quasi-random", "quasi-random", 128, ""),
+        ("--collapsed", "random", 20, "--collapsed is the default now: leave it out\n"),
     ],
 )
-def test_how_trials_are_drawn_is_an_option(experiment, tmp_path, capsys, option, engine, points, words):
+def test_how_trials_are_drawn_is_an_option(experiment, tmp_path, capsys, option, points, trials, words):
     """And what was an option and is the default is taken without harm."""
-    assert main(arguments(experiment, *option, "--trials", 128, "--out", tmp_path / "out")) == 0
+    assert main(arguments(experiment, option, "--trials", trials, "--out", tmp_path / "out")) == 0
     provenance = json.loads((tmp_path / "out" / "result.json").read_text())["provenance"]
-    assert (provenance["engine"], provenance["points"]) == (engine, points)
+    assert (provenance["engine"], provenance["points"]) == ("sums", points)
     assert capsys.readouterr().err == words
 
 
-@pytest.mark.usefixtures("blank_pictures")
 def test_several_bodies_in_one_campaign(tmp_path, capsys):
     path = tmp_path / "two.toml"
     path.write_text(TWO)
     out = tmp_path / "out"
-    assert main(arguments(path, "--trials", 4, "--out", out)) == 0
+    assert main(arguments(path, "--trials", 20, "--out", out)) == 0
     said = capsys.readouterr().out
     assert said.index("body full") < said.index("body half")
     assert sorted(folder.name for folder in out.iterdir()) == ["full", "half"]

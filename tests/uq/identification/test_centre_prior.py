@@ -114,6 +114,7 @@ def test_a_centre_that_contradicts_the_experiment_wins_with_a_warning(short, fil
     )
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_the_fixture_comes_off_by_its_runs_or_as_stated(short, files, capsys):
     out = files / "out"
     command = ["identify", files / "whole.mcap", "--experiment", files / "e.toml", "--centre", files / "whole.json"]

@@ -32,6 +32,7 @@ def signals():
 @pytest.mark.parametrize(
     ("wrench", "sign"), [pytest.param("on_body", 1.0, marks=pytest.mark.slow), ("on_sensor", -1.0)]
 )
+@pytest.mark.usefixtures("blank_pictures")
 def test_mujocos_body_is_identified(tmp_path, signals, wrench, sign, capsys):
     t, readings = signals
     # At rest MuJoCo's force sensor reads the weight upward: the force on the load.

@@ -56,15 +56,15 @@ def plan(experiment, limits):
 
 
 def test_the_promise_is_the_scatter_of_many_series():
-    """600 series of eight poses: a standard deviation has 2.9 % standard error, ten of them within four: 6e-4."""
+    """150 series of eight poses: a standard deviation has 5.8 % standard error, ten of them within four: 6e-4."""
     generator = np.random.default_rng(3)
     force = np.concatenate([leaning(0.2, np.arange(6)), leaning(0.1, [1.0, 3.0])])
     promised = np.sqrt(np.diag(predicted_covariance(force, MASS, R_CG, np.diag(NOISE**2))))
     values = []
-    for _ in range(600):
+    for _ in range(150):
         result = centre(*simulated(force, generator), force)
         values.append([result.mass, *result.r_cg, *result.force_offset, *result.moment_offset])
-    np.testing.assert_allclose(np.std(values, axis=0), promised, rtol=0.116)
+    np.testing.assert_allclose(np.std(values, axis=0), promised, rtol=0.232)
 
 
 def test_declared_attitudes_are_in_the_promise():

@@ -30,7 +30,7 @@ def certificate(tmp_path_factory, few_draws):
 @pytest.fixture
 def browser(request, tmp_path, certificate, brief):
     make = {
-        "certificate": lambda: certificate, "campaign": lambda: report(campaign(20, ("T1",))),
+        "certificate": lambda: certificate, "campaign": lambda: report(campaign("T1")),
         "paper": lambda: report(paper_result()), "law": lambda: report(law(brief, ["T1"], "central")),
     }  # fmt: skip
     with Browser(tmp_path, make[request.param]()) as opened:

@@ -134,7 +134,7 @@ def test_every_result_of_declared_sources_says_it():
     experiment = Experiment.from_dict(content)
     told = experiment.inputs()
     results = [
-        replace(campaign(20, ("T1",)), provenance=told),
+        replace(campaign("T1"), provenance=told),
         LawResult(np.ones(6), {}, (), lambda: told),
         BudgetResult(4, 0, 2, {}, (), told),
         plan_measurement(experiment, [0.01], goals=["moments"], trajectory="T1", estimator="central"),

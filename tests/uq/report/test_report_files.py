@@ -14,7 +14,7 @@ from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import finest, with_uncertainty
 from tests.helpers.browser import Reader, drawn
-from tests.helpers.small_campaign import campaign, document, paper_result
+from tests.helpers.small_campaign import TRIALS, campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.report.figures.style import DARK
@@ -135,7 +135,7 @@ def test_a_figure_that_two_results_share_is_shown_once():
 def test_hostile_names_are_text():
     changed = document()
     changed["trajectory"] = {f"../{HOSTILE}": changed["trajectory"]["T1"]}
-    changed["source"][0] |= {"name": HOSTILE, "group": f"{HOSTILE}2", "reference": HOSTILE}
+    changed["source"] = [changed["source"][0] | {"name": HOSTILE, "group": f"{HOSTILE}2", "reference": HOSTILE}]
     changed["recording"] = {}
     changed["estimator"] = [changed["estimator"][0] | {"name": f"a/{HOSTILE}$x$"}]
     result = montecarlo(Experiment.from_dict(changed), trials=4)
@@ -156,7 +156,7 @@ def test_result_json_is_the_result(result, tmp_path):
 
 
 def test_nan_reaches_neither_json_nor_page(tmp_path):
-    write(campaign(1, ("T1",)), tmp_path)
+    write(campaign("T1", trials=1), tmp_path)
     content = json.loads((tmp_path / "result.json").read_text("utf-8"), parse_constant=pytest.fail)
     total = content["trajectories"]["T1"]["central"]["groups"]["total"]
     assert set(total["three_sigma"].values()) == {None}
@@ -166,11 +166,11 @@ def test_nan_reaches_neither_json_nor_page(tmp_path):
 
 def test_writing_replaces_its_own_files_and_no_others(tmp_path):
     out = tmp_path / "new" / "folder"
-    write(campaign(1, ("T1",)), out)
+    write(campaign("T1"), out)
     (out / "result.json").write_text("old")
     (out / "notes.txt").write_text("mine")
-    write(campaign(1, ("T1",)), out)
-    assert json.loads((out / "result.json").read_text("utf-8"))["trials"] == 1
+    write(campaign("T1"), out)
+    assert json.loads((out / "result.json").read_text("utf-8"))["trials"] == TRIALS
     assert (out / "notes.txt").read_text() == "mine"
     assert not [path for path in out.iterdir() if path.name.startswith(".")]
 
@@ -187,7 +187,7 @@ def test_a_failure_leaves_nothing_half_written(where, tmp_path, monkeypatch):
     else:
         monkeypatch.setattr(uq.files.output_folder.os, "fsync", fail)
     with pytest.raises(OSError, match="No space"):
-        write(campaign(1, ("T1",)), tmp_path)
+        write(campaign("T1"), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
     assert (tmp_path / "result.json").read_text() == "old"
 

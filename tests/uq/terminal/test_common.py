@@ -16,7 +16,7 @@ from uq.terminal.common import finish, output_folder
 
 def test_figures_of_a_command_follow_no_settings_of_the_working_folder(tmp_path):
     """A matplotlibrc there sets what is set here; in Python, the figures follow it."""
-    result = campaign(1, ("T1",))
+    result = campaign("T1")
     finish(result, tmp_path / "plain")
     with matplotlib.rc_context({"savefig.dpi": 1, "axes.facecolor": "red", "figure.constrained_layout.use": True}):
         finish(result, tmp_path / "folder")
@@ -37,7 +37,7 @@ def test_files_are_written_before_anything_is_printed(tmp_path, monkeypatch):
 
     monkeypatch.setattr(sys, "stdout", Closed())
     with pytest.raises(BrokenPipeError):
-        finish(campaign(1, ("T1",)), tmp_path)
+        finish(campaign("T1"), tmp_path)
     assert {"result.json", "report.html"} <= {path.name for path in tmp_path.iterdir()}
 
 

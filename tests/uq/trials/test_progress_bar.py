@@ -57,5 +57,5 @@ def test_a_bar_is_shown_where_it_is_asked_for(bars):
 
 
 def test_a_campaign_shows_one(bars):
-    montecarlo(Experiment.from_dict(document()), trials=20, trajectories="T1", options=RunOptions(progress=True))
-    assert [(each.desc, each.n, each.total) for each in bars] == [("T1", 20, 20)]
+    montecarlo(Experiment.from_dict(document()), trials=200, trajectories="T1", options=RunOptions(progress=True))
+    assert [(each.desc, each.n, each.total) for each in bars] == [("T1", 200, 200)]
