@@ -142,7 +142,7 @@ POINTS = ["quasi-random", "random"]
 
 CASES = [
     *((name, "quasi-random") for name in CLOSED),
-    ("g", "random"),
+    pytest.param("g", "random", marks=pytest.mark.slow),
     *(pytest.param(name, "random", marks=pytest.mark.study) for name in ("ishigami", "gaussian")),
 ]
 
