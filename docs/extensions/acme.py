@@ -54,10 +54,6 @@ class Acme(Device):
         yield Send(b"S")
         return Identity(model)
 
-    def emulator(self, *, rate: float) -> "AcmeEmulator":
-        """The other end."""
-        return AcmeEmulator(rate=rate)
-
 
 class AcmeEmulator(Emulator):
     """Answers `?`, and sends frames from `S` on."""

@@ -237,10 +237,6 @@ class AtiNetFt(Device):
             unit = facts.get("scfgtdu", "")
             yield f"its tool transform {facts['cfgtfx']} ({unit}) moves and turns the wrench: declare that as its place"
 
-    def emulator(self, *, rate: float) -> "AtiEmulator":
-        """Return an emulator of the sensor."""
-        return AtiEmulator(rate=rate)
-
 
 MISSING = (
     "the page netftapi2.xml of the Net F/T cannot be read: set the options `counts_per_force` [1/N] and "
@@ -271,8 +267,8 @@ class AtiEmulator(Emulator):
 
     COUNTS, INTERNAL = 1_000_000, 7000.0
 
-    def __init__(self, *, rate: float) -> None:
-        super().__init__(rate=rate)
+    def __init__(self, device: Device, *, rate: float) -> None:
+        super().__init__(device, rate=rate)
         self._sequence = 0
 
     def receive(self, data: bytes) -> bytes:

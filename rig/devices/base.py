@@ -1,5 +1,6 @@
 """A kind of device and its emulator: parser, conversation and options under one name. No I/O."""
 
+import sys
 from abc import ABC, abstractmethod
 from typing import ClassVar, Literal, NamedTuple
 
@@ -35,11 +36,13 @@ class Emulator(ABC):
     """The device's side of the line: answers commands and makes frames. No I/O, no clock.
 
     Attributes:
+        device: at whose other end it is.
         streaming: whether the device sends samples now.
         rate: samples per second.
     """
 
-    def __init__(self, *, rate: float) -> None:
+    def __init__(self, device: "Device", *, rate: float) -> None:
+        self.device = device
         self.rate = rate
         self.streaming = False
         self._heard = bytearray()
@@ -146,9 +149,11 @@ class Device(ABC):
         """Return the bytes to send at the end."""
         return self.END if self.configured else b""
 
-    @abstractmethod
     def emulator(self, *, rate: float) -> Emulator:
-        """Return an emulator of the device at the other end of the line."""
+        """Return an emulator of the device at the other end of the line: that of the device's module."""
+        module = sys.modules[type(self).__module__]
+        classes = (item for item in vars(module).values() if isinstance(item, type) and issubclass(item, Emulator))
+        return next(item for item in classes if item.__module__ == module.__name__)(self, rate=rate)
 
 
 def _kind(default: object) -> str:

@@ -101,10 +101,6 @@ class Bota(Device):
         yield from ask(b"C\n", find, seconds=0.25, tries=int(self.SETTLING / 0.25))
         return heard
 
-    def emulator(self, *, rate: float) -> "BotaEmulator":
-        """Return an emulator of the sensor."""
-        return BotaEmulator(rate=rate)
-
 
 def _command(command: bytes) -> Generator[Send | Listen, Heard, None]:
     letter = command[:1]

@@ -157,10 +157,6 @@ class Line(Device):
         """Return a fresh parser."""
         return LineParser(self)
 
-    def emulator(self, *, rate: float) -> "LineEmulator":
-        """Return an emulator of the device at the other end of the line."""
-        return LineEmulator(self, rate=rate)
-
     def text(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """The line of one sample."""
         by_name = {**dict(zip(self.names, values, strict=True)), "time": time * 1e9, "counter": float(index)}
@@ -179,9 +175,7 @@ def _column(text: object) -> tuple[str, float]:
 class LineEmulator(Emulator):
     """Prints a line a sample from the moment it is opened."""
 
-    def __init__(self, device: Line, *, rate: float) -> None:
-        super().__init__(rate=rate)
-        self._device = device
+    device: Line
 
     def boot(self) -> bytes:
         """Lines follow at once."""
@@ -194,4 +188,4 @@ class LineEmulator(Emulator):
 
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """Return the bytes of one line."""
-        return self._device.text(index, time, values)
+        return self.device.text(index, time, values)

@@ -148,16 +148,12 @@ class MicroStrain(Device):
             warnings=tuple(warnings),
         )
 
-    def emulator(self, *, rate: float) -> "MicroStrainEmulator":
-        """Return an emulator of the sensor."""
-        return MicroStrainEmulator(rate=rate)
-
 
 class MicroStrainEmulator(Emulator):
     """A 3DM with a base rate of 1 kHz (or more where more is asked for) that takes the conversation above."""
 
-    def __init__(self, *, rate: float) -> None:
-        super().__init__(rate=rate)
+    def __init__(self, device: Device, *, rate: float) -> None:
+        super().__init__(device, rate=rate)
         self._base_rate = max(1000, round(rate))
         self._format = b""
 

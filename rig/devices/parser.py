@@ -211,13 +211,15 @@ class Parser(ABC):
         if self._counter is None:
             self._counter = raw
             return raw
-        modulus = self.modulus(raw)
-        step = (raw - self._counter) % modulus
-        if step > modulus // 2:
-            step -= modulus
-        self.counts.missing += max(0, step - 1)
-        self._counter += step
+        before, self._counter = self._counter, unwrapped(raw, self._counter, self.modulus(raw))
+        self.counts.missing += max(0, self._counter - before - 1)
         return self._counter
+
+
+def unwrapped(raw: int, before: int, modulus: int) -> int:
+    """Return a counter that wraps at ``modulus`` as the number next to the one before."""
+    step = (raw - before) % modulus
+    return before + step - (modulus if step > modulus // 2 else 0)
 
 
 class Unwrapper:
@@ -229,11 +231,5 @@ class Unwrapper:
 
     def __call__(self, raw: int) -> int:
         """The unwrapped value of a raw reading."""
-        if self._last is None:
-            self._last = raw
-            return raw
-        step = (raw - self._last) % self._modulus
-        if step > self._modulus // 2:
-            step -= self._modulus
-        self._last += step
+        self._last = raw if self._last is None else unwrapped(raw, self._last, self._modulus)
         return self._last

@@ -122,10 +122,6 @@ class RobotiqFt(Device):
             settings={"production_year": str(int.from_bytes(year, "big"))},
         )
 
-    def emulator(self, *, rate: float) -> "RobotiqEmulator":
-        """Return an emulator of the sensor."""
-        return RobotiqEmulator(rate=RATE)
-
 
 def _text(data: bytes) -> str:
     return data.decode("ascii", "replace").strip("\0 ")
@@ -139,6 +135,9 @@ class RobotiqEmulator(Emulator):
         SERIAL: b"FTS\0" + struct.pack(">HH", 7, 0),
         YEAR: struct.pack(">H", 2026),
     }
+
+    def __init__(self, device: Device, *, rate: float) -> None:
+        super().__init__(device, rate=RATE)
 
     def boot(self) -> bytes:
         """Send nothing at the start; frames follow."""

@@ -125,10 +125,6 @@ class Robotous(Device):
             warnings.append(f"rate code {rate_code} read back, {wanted} was set: the baud rate may be too low")
         return tuple(warnings)
 
-    def emulator(self, *, rate: float) -> "RobotousEmulator":
-        """Return an emulator of the sensor."""
-        return RobotousEmulator(rate=rate)
-
 
 def _text(data: bytes) -> str:
     return data.split(b"\0")[0].decode("ascii", "replace").strip()
@@ -137,8 +133,8 @@ def _text(data: bytes) -> str:
 class RobotousEmulator(Emulator):
     """An RFT64-SB01 that answers the commands above."""
 
-    def __init__(self, *, rate: float) -> None:
-        super().__init__(rate=rate)
+    def __init__(self, device: Device, *, rate: float) -> None:
+        super().__init__(device, rate=rate)
         self._rate_code = 0
 
     def receive(self, data: bytes) -> bytes:

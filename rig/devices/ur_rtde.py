@@ -218,10 +218,6 @@ class UrRtde(Device):
             raise RigError(f"the robot sends its outputs as {quoted(','.join(types))}: its software is not known here")
         self._recipe = answer[0]
 
-    def emulator(self, *, rate: float) -> "RtdeEmulator":
-        """Return an emulator of the robot."""
-        return RtdeEmulator(self, rate=rate)
-
 
 def _ask(kind: int, content: bytes = b"") -> Generator[Send | Listen, Heard, bytes]:
     find: Callable[[bytes], bytes | None] = partial(find_package, kind=kind)
@@ -231,9 +227,7 @@ def _ask(kind: int, content: bytes = b"") -> Generator[Send | Listen, Heard, byt
 class RtdeEmulator(Emulator):
     """A robot whose tool turns; along the base's axes where it is asked for that wrench."""
 
-    def __init__(self, device: UrRtde, *, rate: float) -> None:
-        super().__init__(rate=rate)
-        self._device = device
+    device: UrRtde
 
     def boot(self) -> bytes:
         """A new client: what was heard of the last is forgotten."""
@@ -265,7 +259,7 @@ class RtdeEmulator(Emulator):
     def frame(self, index: int, time: float, values: tuple[float, ...]) -> bytes:
         """One data package."""
         pose: tuple[float, ...] = ()
-        if self._device.turns:
+        if self.device.turns:
             pose = (0.0, 0.0, 0.0, 0.4 * math.sin(time), 0.3, -0.2)
             values = turned(rotation(*pose[3:]), values)
         numbers = (time, *values, *pose)

@@ -141,18 +141,14 @@ class VectorNav(Device):
         warnings = () if abs(rate - self.rate) < 0.01 * self.rate else (f"it sends {rate:g} Hz, not {self.rate:g} Hz",)
         return Identity(*facts, settings={"binary_output": ",".join(settings)}, warnings=warnings)
 
-    def emulator(self, *, rate: float) -> "VectorNavEmulator":
-        """Return an emulator of the sensor."""
-        return VectorNavEmulator(rate=rate)
-
 
 class VectorNavEmulator(Emulator):
     """A VN-100 that takes the conversation above, binary or ASCII."""
 
     FACTS: ClassVar[dict[str, str]] = {"01": "VN-100-emulated", "03": "0", "04": "2.0"}
 
-    def __init__(self, *, rate: float) -> None:
-        super().__init__(rate=rate)
+    def __init__(self, device: Device, *, rate: float) -> None:
+        super().__init__(device, rate=rate)
         self._registers = dict(self.FACTS)
 
     def receive(self, data: bytes) -> bytes:

@@ -67,10 +67,6 @@ class VectorNavAscii(Device):
         output = yield from register("WRG,06,14")
         return Identity(*facts, settings={"async_output": ",".join(output), "rate_hz": ",".join(rate)})
 
-    def emulator(self, *, rate: float) -> "VectorNavAsciiEmulator":
-        """Return an emulator of the sensor."""
-        return VectorNavAsciiEmulator(rate=rate)
-
 
 class VectorNavAsciiEmulator(VectorNavEmulator):
     """The VectorNav emulator with ASCII output."""

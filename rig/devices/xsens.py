@@ -171,10 +171,6 @@ class Xsens(Device):
         pairs = [(COUNTER, 0xFFFF), (TIME_FINE, 0xFFFF), (ACCELERATION, rate), (RATE, rate), (STATUS, 0xFFFF)]
         return b"".join(struct.pack(">HH", *pair) for pair in pairs)
 
-    def emulator(self, *, rate: float) -> "XsensEmulator":
-        """Return an emulator of the sensor."""
-        return XsensEmulator(rate=rate)
-
 
 class XsensEmulator(Emulator):
     """An MTi that takes the conversation above; it streams after a wake-up as the real one does."""

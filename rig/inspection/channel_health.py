@@ -13,6 +13,8 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.record import device_clock
 
 SensorChannel = WrenchChannel | ImuChannel
+Suspicions = Iterator[tuple[str, str]]
+"""Kinds of findings, with what is said of the topic."""
 LEAST_SAMPLES = 10
 WAIT = 0.1  # s without samples that a host may make, where the device's counter misses none
 CLOCKLESS = "take them from the device's clock; until then log times count"
@@ -36,21 +38,25 @@ def clock_skew(channel: SensorChannel) -> float:
     return device_clock.fit(channel.stamp, channel.log_time).skew
 
 
-def channel_findings(channel: SensorChannel, skew: float) -> Iterator[TopicFinding]:
+def channel_findings(channel: SensorChannel, skew: float) -> list[TopicFinding]:
     """Everything that is suspicious about a channel; ``skew``: of its clock (:func:`clock_skew`)."""
+    return [TopicFinding(kind, channel.topic, text) for kind, text in _suspicions(channel, skew)]
+
+
+def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
     if len(channel.stamp) < LEAST_SAMPLES:
-        yield TopicFinding("short", channel.topic, f"only {len(channel.stamp)} samples: record longer")
+        yield "short", f"only {len(channel.stamp)} samples: record longer"
         return
     yield from _gaps(channel)
     yield from _order(channel)
     yield from _clock(channel, skew)
     for name, values in _columns(channel).items():
-        yield from _finite(channel.topic, name, values)
-        yield from _excess(channel.topic, name, values)
+        yield from _finite(name, values)
+        yield from _excess(name, values)
         usable = values[(np.abs(values) <= LARGEST_READING).all(axis=1)]
-        yield from _constant(channel.topic, name, usable)
-        yield from _held(channel.topic, name, usable)
-        yield from _saturated(channel.topic, name, usable)
+        yield from _constant(name, usable)
+        yield from _held(name, usable)
+        yield from _saturated(name, usable)
 
 
 def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
@@ -59,7 +65,7 @@ def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
     return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
 
 
-def _gaps(channel: SensorChannel) -> Iterator[TopicFinding]:
+def _gaps(channel: SensorChannel) -> Suspicions:
     """Steps of the stamps beyond five periods: jitter stays within one or two, a lost sample makes two."""
     steps = np.diff(channel.stamp) * 1e-9
     period = device_clock.steady_period(channel.stamp) * 1e-9
@@ -71,18 +77,12 @@ def _gaps(channel: SensorChannel) -> Iterator[TopicFinding]:
     if len(wide):
         worst = wide[np.argmax(steps[wide])]
         after = (channel.stamp[worst] - channel.stamp[0]) * 1e-9
-        yield TopicFinding(
-            "gap",
-            channel.topic,
-            f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out",
-        )
+        yield "gap", f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out"
     if sequence is not None and len(sequence) > 1 and sequence[-1] > sequence[0] and not len(wide):
         counted = np.diff(sequence.astype(np.int64))
         missing = int((counted[(counted > 1) & (counted < 2**16)] - 1).sum())
         if missing and counted.min() > 0:
-            yield TopicFinding(
-                "gap", channel.topic, f"{missing} samples missing by the device's counter: check the cable"
-            )
+            yield "gap", f"{missing} samples missing by the device's counter: check the cable"
 
 
 def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -96,50 +96,42 @@ def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.i
     return np.array([then - before > 2.5 * period for then, before in least], bool)
 
 
-def _order(channel: SensorChannel) -> Iterator[TopicFinding]:
+def _order(channel: SensorChannel) -> Suspicions:
     back = int((np.diff(channel.stamp) <= 0).sum())
     if back:
         stamped = bool((channel.stamp != channel.log_time).any())
         which, cure = ("header stamps", CLOCKLESS) if stamped else ("log times", "stamp the messages")
-        yield TopicFinding("order", channel.topic, f"{back} {which} do not increase: {cure}")
+        yield "order", f"{back} {which} do not increase: {cure}"
 
 
 SKEW_LIMIT = 500e-6  # crystals keep within 100 ppm; five times that is a clock of another kind
 LEAST_SECONDS = 5.0  # over less, delays look like skew
 
 
-def _clock(channel: SensorChannel, skew: float) -> Iterator[TopicFinding]:
+def _clock(channel: SensorChannel, skew: float) -> Suspicions:
     seconds = (channel.stamp[-1] - channel.stamp[0]) * 1e-9
     if seconds >= LEAST_SECONDS and abs(skew) > SKEW_LIMIT:
-        yield TopicFinding(
-            "skew",
-            channel.topic,
-            f"stamps drift by {skew * 1e3:+.3f} ms/s against the host's clock: fit the clock before use",
-        )
+        yield "skew", f"stamps drift by {skew * 1e3:+.3f} ms/s against the host's clock: fit the clock before use"
 
 
-def _finite(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+def _finite(name: str, values: NDArray[np.float64]) -> Suspicions:
     bad = int((~np.isfinite(values)).any(axis=1).sum())
     if bad:
-        yield TopicFinding("not finite", topic, f"{name} is not a number in {bad} samples: they are left out")
+        yield "not finite", f"{name} is not a number in {bad} samples: they are left out"
 
 
 LARGEST_READING = 1e12  # in any unit, far beyond any sensor; `identify` refuses more
 
 
-def _excess(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+def _excess(name: str, values: NDArray[np.float64]) -> Suspicions:
     size = np.abs(values).max(axis=1)
     wild = np.isfinite(size) & (size > LARGEST_READING)
     if wild.any():
-        yield TopicFinding(
-            "excess",
-            topic,
-            f"{name} reaches {size[wild].max():.1e}, which no sensor reads, in {int(wild.sum())} samples: "
-            "leave them out",
-        )
+        reached = f"{size[wild].max():.1e}, which no sensor reads, in {int(wild.sum())} samples"
+        yield "excess", f"{name} reaches {reached}: leave them out"
 
 
-def _constant(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+def _constant(name: str, values: NDArray[np.float64]) -> Suspicions:
     """A signal without any change: real ones have noise. An IMU without an accelerometer sends zeros.
 
     A force of zero has a kind of its own: the source of a moment alone, such as a flywheel, sends it too.
@@ -150,34 +142,26 @@ def _constant(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[To
     if constant.all():
         level = ", ".join(f"{value:.6g}" for value in values[0] + 0.0)
         kind = "no force" if name == "force" and not values.any() else "constant"
-        yield TopicFinding(kind, topic, f"{name} stays at ({level}) throughout: check sensor and driver")
+        yield kind, f"{name} stays at ({level}) throughout: check sensor and driver"
     for axis in np.flatnonzero(constant & values.any(axis=0)) if not constant.all() else ():
-        yield TopicFinding(
-            "constant",
-            topic,
-            f"{name} {'xyz'[axis]} stays at {values[0, axis]:.6g} throughout: check sensor and driver",
-        )
+        yield "constant", f"{name} {'xyz'[axis]} stays at {values[0, axis]:.6g} throughout: check sensor and driver"
 
 
 HELD_LIMIT = 0.2  # repeats of all three axes at once are rare with any noise; one in five is a slower source
 
 
-def _held(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+def _held(name: str, values: NDArray[np.float64]) -> Suspicions:
     """Samples equal to the one before in all three axes, unless the signal is constant throughout."""
     same = (np.diff(values, axis=0) == 0).all(axis=1)
     share = float(same.mean())
     if HELD_LIMIT < share < 1:
-        yield TopicFinding(
-            "held",
-            topic,
-            f"{share:.0%} of the {name} samples repeat the one before: the true rate is lower than stated",
-        )
+        yield "held", f"{share:.0%} of the {name} samples repeat the one before: the true rate is lower than stated"
 
 
 SATURATED_LIMIT = 5  # samples in a row, exactly at the extreme
 
 
-def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[TopicFinding]:
+def _saturated(name: str, values: NDArray[np.float64]) -> Suspicions:
     """An axis that stays exactly at its largest or smallest value for several samples while others move."""
     for axis in range(3):
         column = values[:, axis]
@@ -186,9 +170,7 @@ def _saturated(topic: str, name: str, values: NDArray[np.float64]) -> Iterator[T
         for extreme in (column.min(), column.max()):
             run = longest_run(column == extreme)
             if run >= SATURATED_LIMIT and _moves(values, column == extreme) and _abrupt(column, extreme):
-                yield TopicFinding(
-                    "saturation", topic, f"{name} {'xyz'[axis]} stays at {extreme:.6g} for {run} samples: out of range"
-                )
+                yield "saturation", f"{name} {'xyz'[axis]} stays at {extreme:.6g} for {run} samples: out of range"
 
 
 def _moves(values: NDArray[np.float64], where: NDArray[np.bool_]) -> bool:

@@ -105,13 +105,11 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
 def _end(metadata: dict[str, dict[str, str]]) -> Iterator[TopicFinding]:
     """Return the recorder's own findings."""
     if "rig.run" in metadata and "log_time" in metadata["rig.run"] and "rig.end" not in metadata:
-        yield TopicFinding(
-            "unfinished", "rig.end", "the recording was not ended properly: its last moments may be missing"
-        )
+        text = "the recording was not ended properly: its last moments may be missing"
+        yield TopicFinding("unfinished", "rig.end", text)
     if metadata.get("rig.end", {}).get("complete") == json.dumps(False):
-        yield TopicFinding(
-            "incomplete", "rig.end", "the recorder missed data: see the metadata rig.end for what and where"
-        )
+        text = "the recorder missed data: see the metadata rig.end for what and where"
+        yield TopicFinding("incomplete", "rig.end", text)
 
 
 def _describe(channel: SensorChannel, skew: float) -> ChannelReport:

@@ -8,6 +8,7 @@ import os
 import struct
 import time
 import zlib
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -41,12 +42,8 @@ MOST_DEFINITIONS = 2**16
 """Records in one chunk that are no messages; ids of schemas and channels have 16 bits."""
 PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
 _MESSAGE_START = struct.Struct("<BQH").unpack_from
-HEAD = 11
-"""Bytes at a message's start that say what follows: opcode, length, channel."""
-LONGEST = 32
-"""Messages of a cycle at most."""
-FEW = 64
-"""Rounds that are looked at first."""
+"""Opcode and length of a record, and a message's channel."""
+MESSAGE_OPCODE = int(Opcode.MESSAGE)
 
 
 class DamageError(RigError):
@@ -200,73 +197,24 @@ def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError
 
 def walk(data: bytes) -> Batch:
     """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly."""
-    batch = Batch(data, {}, [], [])
-    offsets = batch.offsets
+    batch, offsets = Batch(data, {}, [], []), defaultdict[int, list[int]](list)
     position, end = 0, len(data)
-    cycle: list[int] = []  # where the last messages begin, until one is like the first of them
-    wait = tries = 1
     try:
         while position < end:
             opcode, length, channel = _MESSAGE_START(data, position)
-            if opcode == 5:
-                if length < MESSAGE_HEAD:
-                    raise ValueError("a chunk's records are damaged")
-                if cycle and data.startswith(data[cycle[0] : cycle[0] + HEAD], position):
-                    size, wait = position - cycle[0], wait - 1
-                    rounds = 1 if wait else _rounds(data, cycle, size)
-                    if rounds > 1:
-                        _add_rounds(batch, cycle, size, rounds)
-                    position, cycle = cycle[0] + rounds * size, []
-                    wait, tries = (wait, tries) if wait else (1, 1) if rounds > 1 else (2 * tries, 2 * tries)
-                    if rounds > 1:
-                        continue
-                if len(cycle) == LONGEST:
-                    cycle = []
-                cycle.append(position)
-                if channel in offsets:
-                    offsets[channel].append(position)
-                else:
-                    offsets[channel] = [position]
-            else:
-                cycle = []
+            if opcode != MESSAGE_OPCODE:
                 _definition(batch, opcode, data[position + 9 : position + 9 + length])
+            elif length < MESSAGE_HEAD:
+                raise ValueError("a message is shorter than its head")
+            else:
+                offsets[channel].append(position)
             position += 9 + length
     except PARSE_ERRORS as error:
         raise ValueError("a chunk's records are damaged") from error
     if position != end:
         raise ValueError("a chunk's last record is cut")
+    batch.offsets = dict(offsets)
     return batch
-
-
-def _add_rounds(batch: Batch, cycle: list[int], size: int, rounds: int) -> None:
-    """Add the messages of all rounds after the first."""
-    places: dict[int, list[int]] = {}
-    for place in cycle:
-        places.setdefault(_MESSAGE_START(batch.data, place)[2], []).append(place)
-    for channel, first in places.items():
-        if len(first) == 1:
-            batch.offsets[channel] += range(first[0] + size, first[0] + rounds * size, size)
-        else:
-            batch.offsets[channel] += [place + number * size for number in range(1, rounds) for place in first]
-
-
-def _rounds(data: bytes, cycle: list[int], size: int) -> int:
-    """Return the number of times that a cycle of messages follows itself, itself included.
-
-    To step from each to the next takes most of the time of reading; so it is done only where a cycle ends.
-    """
-    import numpy as np  # a recording begins without it
-
-    cycles = np.frombuffer(data, np.uint8, (len(data) - cycle[0]) // size * size, cycle[0]).reshape(-1, size)
-    heads = np.add.outer(np.array(cycle) - cycle[0], np.arange(HEAD)).ravel()
-    count = FEW
-    while True:  # so that the time grows with the rounds that there are, not with the data that follow
-        same = (cycles[:count, heads] == cycles[0, heads]).all(axis=1)
-        if not same.all():
-            return int(np.argmin(same))
-        if count >= len(cycles):
-            return len(cycles)
-        count *= 4
 
 
 def _definition(batch: Batch, opcode: int, body: bytes) -> None:

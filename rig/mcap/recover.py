@@ -233,7 +233,7 @@ def _between(data: mmap.mmap, position: int, end: int, intact: _IntactRecords) -
 def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Recovery) -> None:
     """Definitions and counts from outside the chunks, where a checksum or an undamaged file vouches for them."""
     start = 0 if trusted else _verified_summary(data, intact)
-    outside, known = Definitions(), intact.definitions
+    outside, inside = Definitions(), intact.definitions
     for position, opcode in intact.between:
         with suppress(*PARSE_ERRORS):
             if position >= start and opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -241,8 +241,8 @@ def _summary(data: mmap.mmap, intact: _IntactRecords, trusted: bool, result: Rec
             elif position >= start and opcode == Opcode.STATISTICS:
                 stream = ReadDataStream(BytesIO(_record(data, position).body))
                 result.expected = Statistics.read(stream).message_count
-    known.schemas = outside.schemas | known.schemas
-    known.channels = outside.channels | known.channels
+    inside.schemas = outside.schemas | inside.schemas
+    inside.channels = outside.channels | inside.channels
 
 
 def _verified_summary(data: mmap.mmap, intact: _IntactRecords) -> int:
