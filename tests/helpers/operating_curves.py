@@ -284,7 +284,7 @@ def _row(label: str, figures: dict[str, str] | None) -> str:
 
 def _looks(finding: Finding) -> str:
     if finding.pattern == "{}":
-        text = finding.size(np.full(2, 3e-5), np.full(2, 1e-6))
+        text = finding.write_size(np.full(2, 3e-5), np.full(2, 1e-6))
         return re.sub(r"\(?\d[^a-zA-Z]*", "… ", text)
     return re.sub(r"\{[^}]*\}", "…", finding.pattern)
 
