@@ -61,7 +61,7 @@ FAULTS = (
     fault("spectrum_window", "off by one at the end of the spectrum's window", "gls generalised_least_squares",
           ("np.clip(position + half + 1, begin + 1, m)", "np.clip(position + half, begin + 1, m)")),
     # identify: estimators, joint, static, diagnostics
-    fault("lever", "sign of r × F in the right side", "solve least_squares gram",
+    fault("lever", "sign of r × F in the right side", "solve excitation gram",
           ("sums.moment - jnp.cross(r_cg, sums.force)", "sums.moment + jnp.cross(r_cg, sums.force)"),
           ("sums.moment - xp.cross(r_cg, sums.force)", "sums.moment + xp.cross(r_cg, sums.force)")),
     fault("rest_covariance", "variance of one block taken for that of their mean",

@@ -6,7 +6,7 @@ A result is a dataclass that inherits :class:`Result`. It holds data and gives i
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -249,6 +249,16 @@ def bare_tables(result: Any) -> list[Table]:
 
 def _bare(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def interval_records(result: Any, **columns: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return a row for each value of a result: some columns, standard uncertainty and the ends of its intervals."""
+    columns["standard_uncertainty"] = result.standard_uncertainty
+    intervals = {"": result.interval95, "_with_undeclared": result.interval95_with_undeclared}
+    for name, interval in intervals.items():
+        if interval is not None:
+            columns |= {f"low95{name}": interval[:, 0], f"high95{name}": interval[:, 1]}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def uncaptioned(result: Shown) -> list[Table]:

@@ -80,14 +80,14 @@ def with_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, places: i
     """
     if abs(float(value)) < DUST and not float(uncertainty) >= DUST:
         return "0"
-    known = math.isfinite(value) and _uncertain(uncertainty, value)
-    shown = decimals(uncertainty) if known else decimals(abs(float(value)), 4)
+    is_uncertain = math.isfinite(value) and _uncertain(uncertainty, value)
+    shown = decimals(uncertainty) if is_uncertain else decimals(abs(float(value)), 4)
     shown = shown if places is None else min(shown, places)
-    after = fixed(uncertainty, shown) if known else "0"
+    after = fixed(uncertainty, shown) if is_uncertain else "0"
     if after.strip("0.") == "":
         return fixed(value, shown) if value else "0"
-    beside = f" ± {after}" if "e" in after or not _CONCISE.get() else _in_parentheses(after)
-    return fixed(value, shown) + beside
+    suffix = f" ± {after}" if "e" in after or not _CONCISE.get() else _in_parentheses(after)
+    return fixed(value, shown) + suffix
 
 
 def beside_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, expanded: SupportsFloat | None = None) -> str:

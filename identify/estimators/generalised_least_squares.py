@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.choices import OffsetChoice
-from identify.estimators.least_squares import excitation
+from identify.estimators.excitation import excitation
 from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.run_information import (
@@ -34,6 +34,7 @@ from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.run import Run
+from identify.sums.normal_equations import products
 from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum
 from identify.sums.residual_trace import trace
 from identify.sums.run_lines import FORCE, MOTION, RunLines, run_lines
@@ -129,13 +130,13 @@ def whitened(
     noise_of_fit = np.outer(shape, unpack(inertia) ** 2 @ alpha_noise(run, estimator) ** 2)
     moment = x[:inside] @ inertia
     follows = motion_columns(moment, of_motion[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit)
-    room = _with_room(weighed, columns[:inside], follows, fit)
+    eliminated = _with_room(weighed, columns[:inside], follows, fit)
     fitted_moment = fit.value[6:9] if offsets == "estimate" else np.zeros(3)
     at_fit = used.less_wrench(np.zeros(3), fitted_moment), r_cg - sigma_r_cg * fit.value[-3:]
     remaining, freedom = at_fit[0].residuals(inertia, at_fit[1]), np.ones((len(record), 3))
-    remaining[:inside] -= room.residuals
-    freedom[:inside] = room.free
-    every = RowsSideBySide(weighed, room.rows, unweighted)
+    remaining[:inside] -= eliminated.residuals
+    freedom[:inside] = eliminated.free
+    every = RowsSideBySide(weighed, eliminated.rows, unweighted)
     scores = spectrum(remaining, freedom, lines.constants, power_gain).scores(every)
     weighted_scores = fit.spectrum.scores(weighed)
     if offsets == "estimate":
@@ -143,7 +144,7 @@ def whitened(
         used = at_fit[0]
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
-        by_constant = _times(every[: lines.constants], constants[: lines.constants])
+        by_constant = products(every[: lines.constants], constants[: lines.constants])
         constant_scores = by_constant @ removed.covariance @ by_constant.T
         scores, weighted_scores = scores + constant_scores, weighted_scores + constant_scores[:6, :6]
     else:
@@ -158,7 +159,7 @@ def whitened(
         degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread),
         trace=trace(record.t, residuals, used.moment_in_time(r_cg), record.motion), weighed=weighed,
     )  # fmt: skip
-    extended = _equations_of(room.rows, x[:inside], *sides)
+    extended = _equations_of(eliminated.rows, x[:inside], *sides)
     return Weighed(weighted=estimate, plain=plain, extended=extended, scores=scores, enough=True)
 
 
@@ -208,15 +209,8 @@ def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
 
 
 def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.ndarray) -> TensorEquations:
-    normal = _times(weighed, x)
-    return TensorEquations(
-        (normal + normal.T) / 2, np.tensordot(weighed, y, axes=((0, 1), (0, 1))), _times(weighed, lever)
-    )
-
-
-def _times(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the sum of products ``Σ rowsᵀ columns`` over the lines."""
-    return np.tensordot(rows, columns, axes=((0, 1), (0, 1)))
+    normal = products(weighed, x)
+    return TensorEquations((normal + normal.T) / 2, products(weighed, y[:, :, None])[:, 0], products(weighed, lever))
 
 
 def _reduced(columns: np.ndarray, fit: WeightedFit) -> np.ndarray:
@@ -241,18 +235,18 @@ def _with_room(weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: 
 
     Directions of these columns that the other columns nearly span stay out.
     """
-    share = fit.inverse @ _times(np.einsum("mab,mbp->map", fit.weights, columns), more)
+    share = fit.inverse @ products(np.einsum("mab,mbp->map", fit.weights, columns), more)
     reduced = more - columns @ share
     weighed_reduced = np.einsum("mab,mbz->maz", fit.weights, reduced)
     scale = 1 / np.sqrt(np.maximum(np.einsum("maz,mab,mbz->z", more, fit.weights, more, optimize=True), 1e-300))
-    information = _times(weighed_reduced, more) * np.outer(scale, scale)
+    information = products(weighed_reduced, more) * np.outer(scale, scale)
     inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * np.outer(
         scale, scale
     )
     inside = len(more)
     taken = np.einsum("maz,zy,may->ma", reduced, inverse, weighed_reduced, optimize=True)
     return Eliminated(
-        rows=weighed - weighed_reduced @ inverse @ _times(weighed, more).T,
+        rows=weighed - weighed_reduced @ inverse @ products(weighed, more).T,
         residuals=reduced @ inverse @ np.einsum("maz,ma->z", weighed_reduced, fit.residuals[:inside]),
         free=np.clip(fit.spectrum.free[:inside] - taken, 0, 1),
     )  # fmt: skip
@@ -296,7 +290,7 @@ def fitted(
 def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """``Σ Xᵀ W X`` and ``Σ Xᵀ W`` times the other sides."""
     weighed = np.einsum("mab,mbp->map", weights, columns)
-    return np.tensordot(weighed, columns, axes=((0, 1), (0, 1))), np.tensordot(weighed, sides, axes=((0, 1), (0, 1)))
+    return products(weighed, columns), products(weighed, sides)
 
 
 def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:

@@ -71,7 +71,7 @@ def rest_of(run: Run, segments: Sequence[Segment]) -> Rest | None:
     size = max(round(BLOCK * run.rate), 1)
     means: list[np.ndarray] = []
     wrench = np.hstack([run.force, run.moment])
-    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    usable = run.usable
     for segment in segments:
         first, last = np.searchsorted(run.t - run.t[0], [segment.start, segment.stop + 0.5 / run.rate])
         blocks = [slice(k, k + size) for k in range(int(first), int(last) - size + 1, size)]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identify.estimators.least_squares import Excitation, excitation
+from identify.estimators.excitation import Excitation, excitation
 from identify.estimators.run_information import Information
 from identify.estimators.type_a import Pooling, Repeat, pooling
 from identify.signals.run import RunError

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.choices import OffsetChoice
+from identify.estimators.excitation import Excitation, excitation
 from identify.estimators.gram import N_FEATURES, Sums, normal_equations
-from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.offsets import Offsets, estimated, rested, resting
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.correlation_time import correlation_time

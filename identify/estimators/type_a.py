@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertial_parameters import by_component
 
 PROBABILITY = 0.975
 """Probability below the upper end of a two-sided interval of 95 %."""
@@ -93,20 +93,16 @@ class Pooling:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m²."""
-
-        def listed(values: np.ndarray | None) -> dict[str, float] | None:
-            return None if values is None else dict(zip(COMPONENTS, map(float, values), strict=True))
-
         return {
             "runs": self.runs,
             "mountings": self.mountings,
-            "type_a": listed(np.sqrt(np.diag(self.covariance))),
-            "degrees_of_freedom": listed(self.degrees_of_freedom),
-            "coverage_factor": listed(self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)),
-            "predicted_of_one_run": listed(self.predicted),
-            "between_runs": listed(self.between_runs),
+            "type_a": by_component(np.sqrt(np.diag(self.covariance))),
+            "degrees_of_freedom": by_component(self.degrees_of_freedom),
+            "coverage_factor": by_component(self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)),
+            "predicted_of_one_run": by_component(self.predicted),
+            "between_runs": None if self.between_runs is None else by_component(self.between_runs),
             "between_runs_degrees_of_freedom": self.repeat_degrees_of_freedom,
-            "between_mountings": listed(self.between_mountings),
+            "between_mountings": None if self.between_mountings is None else by_component(self.between_mountings),
         }
 
 

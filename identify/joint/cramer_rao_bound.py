@@ -19,6 +19,7 @@ from identify.joint.priors import STATIC, Prior, PriorBlock
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
+from identify.rigid_body.inertial_parameters import by_component
 from identify.rigid_body.regressor import cross_matrix
 from identify.signals.band_limited_run import in_band
 from identify.signals.run import Run
@@ -52,7 +53,7 @@ class Bound(Result):
         """Return the bound in SI."""
         return {
             "free": list(self.free),
-            "inertia": dict(zip(COMPONENTS, self.standard_uncertainty("inertia").tolist(), strict=True)),
+            "inertia": by_component(self.standard_uncertainty("inertia")),
             "standard_uncertainty": {name: self.standard_uncertainty(name).tolist() for name in self.free},
             "prior_share": {name: share.tolist() for name, share in self.prior_share.items()},
         }
@@ -103,11 +104,8 @@ def bound(
     )
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
-    position = np.zeros(3) if run.imu_position is None else run.imu_position
-    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), position, setting)
-    theta = beforehand.mean.copy()
-    theta[SLICES["inertia"]] = body.inertia
-    z = np.linalg.lstsq(beforehand.root, theta - beforehand.mean, rcond=None)[0]
+    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.imu_position, setting)
+    z = beforehand.coordinates({"inertia": np.asarray(body.inertia)})
     white = _whitener(body, noise, rows.factor, specific_force)
     return _bound_from_information(beforehand, information(model, beforehand, white, z))
 

@@ -99,8 +99,6 @@ def information(
     return columns.T @ columns
 
 
-def posterior(fit: RunSolution, prior: Prior) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance of the unknowns, (count, count), and the part of it that the prior's errors cause."""
-    inverse = np.linalg.inv(fit.information + np.diag(prior.counted))
-    prior_covariance = inverse @ np.diag(prior.counted) @ inverse
-    return prior.root @ inverse @ prior.root.T, prior.root @ prior_covariance @ prior.root.T
+def posterior(fit: RunSolution, prior: Prior) -> Float[np.ndarray, "count count"]:
+    """Return the covariance of the unknowns, given samples and prior."""
+    return prior.root @ np.linalg.inv(fit.information + np.diag(prior.counted)) @ prior.root.T

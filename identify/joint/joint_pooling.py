@@ -11,6 +11,7 @@ import numpy as np
 
 from identify.joint.priors import indices
 from identify.joint.single_run import JointRun
+from identify.sums.normal_equations import SharedEquations, eliminated
 
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
 """Unknowns that all runs of one body and one rig share."""
@@ -45,69 +46,45 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
         shared: names of the unknowns that are the same in all.
     """
     root, counted = runs[0].prior.root, runs[0].prior.counted
-    back = np.linalg.pinv(root)
-    if len(runs) == 1:
-        covariance, prior_covariance = runs[0].posterior()
-        inverse = np.linalg.inv(runs[0].fit.information + np.diag(counted))
-        by_prior = root @ inverse @ np.diag(counted) @ back
-        return PooledJoint(
-            theta=[runs[0].theta], covariance=covariance, prior_covariance=prior_covariance, scatter=1.0,
-            degrees_of_freedom=np.inf, by_prior=by_prior, beforehand=runs[0].prior.covariance,
-        )  # fmt: skip
-    common = np.abs(root[indices(shared)]).max(axis=0) > 0
-    reduced = [_eliminated(run, common) for run in runs]
+    common = np.abs(root[indices(shared)]).max(axis=0) > 0 if len(runs) > 1 else np.ones(len(counted), bool)
+    reduced = [_shared_equations(run, common) for run in runs]
     total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
     precision = np.diag(counted[common])
     inverse = np.linalg.inv(total + precision)
     z = inverse @ right
     scatter, freedom = _scatter(reduced, z)
     spread = scatter**2 * inverse @ total @ inverse + inverse @ precision @ inverse
-    theta, covariance, prior_covariance = [], np.zeros_like(root @ root.T), np.zeros_like(root @ root.T)
+    theta = []
     for run, equations in zip(runs, reduced, strict=True):
         values = np.empty(len(common))
-        values[common], values[~common] = z, equations.local_map @ np.concatenate([[1.0], z])
+        values[common], values[~common] = z[:, 0], (equations.by_right + equations.by_shared @ z)[:, 0]
         theta.append(run.prior.theta(values))
     first = reduced[0]
-    carried = np.zeros((len(common), int(common.sum())))
-    carried[common], carried[~common] = np.eye(int(common.sum())), first.local_map[:, 1:]
-    covariance = root @ carried @ spread @ carried.T @ root.T
-    covariance += root[:, ~common] @ first.local_covariance @ root[:, ~common].T
-    prior_covariance = root @ carried @ inverse @ precision @ inverse @ carried.T @ root.T
-    by_prior = root @ carried @ inverse @ precision @ back[common]
+    carried = np.zeros((len(common), len(z)))
+    carried[common], carried[~common] = np.eye(len(z)), first.by_shared
+    carried = root @ carried
+    covariance = carried @ spread @ carried.T + root[:, ~common] @ first.covariance @ root[:, ~common].T
+    prior_covariance = carried @ inverse @ precision @ inverse @ carried.T
+    by_prior = carried @ inverse @ precision @ np.linalg.pinv(root)[common]
     return PooledJoint(
         theta=theta, covariance=covariance, prior_covariance=prior_covariance, scatter=scatter,
         degrees_of_freedom=freedom, by_prior=by_prior, beforehand=runs[0].prior.covariance,
     )  # fmt: skip
 
 
-class _Eliminated(NamedTuple):
-    """A run's normal equations of the shared unknowns, and how the others follow from these."""
-
-    matrix: np.ndarray
-    right: np.ndarray
-    local_map: np.ndarray
-    """Matrix that gives the run's unshared coordinates as ``local_map @ (1, shared z)``."""
-    local_covariance: np.ndarray
-    """Covariance of the run's unshared coordinates, given the shared ones."""
+def _shared_equations(run: JointRun, common: np.ndarray) -> SharedEquations:
+    counted, data = run.prior.counted, run.fit.information
+    right = (data + np.diag(counted)) @ run.fit.z
+    return eliminated(data + np.diag(np.where(common, 0.0, counted)), right[:, None], common)
 
 
-def _eliminated(run: JointRun, common: np.ndarray) -> _Eliminated:
-    counted, z, data = run.prior.counted, run.fit.z, run.fit.information
-    right = (data + np.diag(counted)) @ z
-    matrix = data + np.diag(np.where(common, 0.0, counted))
-    cross = matrix[np.ix_(common, ~common)]
-    inverse = np.linalg.inv(matrix[np.ix_(~common, ~common)])
-    return _Eliminated(
-        matrix[np.ix_(common, common)] - cross @ inverse @ cross.T, right[common] - cross @ inverse @ right[~common],
-        np.hstack([(inverse @ right[~common])[:, None], -inverse @ cross.T]), inverse,
-    )  # fmt: skip
-
-
-def _scatter(reduced: Sequence[_Eliminated], z: np.ndarray) -> tuple[float, float]:
+def _scatter(reduced: Sequence[SharedEquations], z: np.ndarray) -> tuple[float, float]:
     """Root of the runs' mean squared departure from the pooled estimate in units of their noise, at least 1."""
+    if len(reduced) == 1:
+        return 1.0, np.inf
     squares, rank = 0.0, 0
     for equations in reduced:
-        residual = equations.right - equations.matrix @ z
+        residual = (equations.right - equations.matrix @ z)[:, 0]
         squares += float(residual @ np.linalg.pinv(equations.matrix, rcond=1e-10, hermitian=True) @ residual)
         rank += int(np.linalg.matrix_rank(equations.matrix, rtol=1e-10, hermitian=True))
     freedom = max(rank * (len(reduced) - 1) / len(reduced), 1.0)

@@ -230,8 +230,7 @@ def _diagnostics(runs: Sequence[JointRun], pooled: PooledJoint, factor: float) -
 
 def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
     """The run by itself, with the offsets of the pooled estimate."""
-    covariance, _ = fitted_run.posterior()
-    tensor, run, rows = SLICES["inertia"], fitted_run.run, fitted_run.model.rows
+    tensor, run, rows, covariance = SLICES["inertia"], fitted_run.run, fitted_run.model.rows, fitted_run.covariance
     return RunEstimate(
         file=run.name, sha256=run.sha256, inertia=fitted_run.theta[tensor],
         standard_uncertainty=np.sqrt(np.diag(covariance)[tensor]), samples=int(rows.used.sum()) * rows.factor,

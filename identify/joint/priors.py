@@ -119,6 +119,13 @@ class Prior:
         """Return the unknowns of z."""
         return self.mean + self.root @ z
 
+    def coordinates(self, values: Mapping[str, np.ndarray | float]) -> Float[np.ndarray, " free"]:
+        """Return the coordinates of unknowns with some values, the others at their mean."""
+        theta = self.mean.copy()
+        for name, value in values.items():
+            theta[SLICES[name]] = value
+        return np.linalg.lstsq(self.root, theta - self.mean, rcond=None)[0]
+
     @property
     def covariance(self) -> np.ndarray:
         """Prior covariance of the unknowns, (count, count); zero for those without a prior."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.estimators.least_squares import excitation
+from identify.estimators.excitation import excitation
 from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, TOLERANCE, RunSolution, posterior, solve
@@ -72,8 +72,9 @@ class JointRun:
         """Return the standard uncertainties of an unknown beforehand; zero where it has no prior or is exact."""
         return np.sqrt(np.diag(self.prior.covariance)[SLICES[name]])
 
-    def posterior(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the covariance of the unknowns and the part of it that the priors' errors cause."""
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the unknowns, given samples and priors."""
         return posterior(self.fit, self.prior)
 
 
@@ -128,8 +129,7 @@ def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
     gyro = gyro_noise(run)
-    position = np.zeros(3) if run.imu_position is None else run.imu_position
-    return *prepared(rows, gyro / np.sqrt(run.rate), position, setting), gyro
+    return *prepared(rows, gyro / np.sqrt(run.rate), run.imu_position, setting), gyro
 
 
 def gyro_noise(run: Run) -> np.ndarray:
@@ -137,7 +137,9 @@ def gyro_noise(run: Run) -> np.ndarray:
     return np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
 
 
-def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
+def prepared(
+    rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray | None, setting: Setting
+) -> tuple[Model, Prior]:
     """Return the model of decimated rows, and the prior of its unknowns."""
     alignment, kind = setting.alignment, setting.specific_force
     beforehand = prior(
@@ -150,7 +152,8 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
     )
     to_imu = exponential(np.asarray(alignment.rotation, float)).T
     model = Model(
-        rows=rows, up=to_imu[:, 2], gravity=setting.gravity, imu_position=imu_position, specific_force=kind,
+        rows=rows, up=to_imu[:, 2], gravity=setting.gravity,
+        imu_position=np.zeros(3) if imu_position is None else imu_position, specific_force=kind,
         used=rows.used,
     )  # fmt: skip
     if kind == "still" and alignment.sigma_tilt is None:
@@ -257,14 +260,13 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
 
 def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
     """Start of the search: delay and tensor by cross-correlation, the gyro's bias from the slow turn of the force."""
-    theta, alignment = beforehand.mean.copy(), setting.alignment
+    alignment = setting.alignment
     turn = exponential(np.asarray(alignment.rotation, float))
     best = search_delay(model.rows, alignment, turn)
-    theta[SLICES["delay"]], theta[SLICES["inertia"]] = best.delay, best.inertia
+    values: dict[str, np.ndarray | float] = {"delay": best.delay, "inertia": best.inertia}
     if model.specific_force == "still":
-        theta[SLICES["gyro_bias"]] = start_bias(model, turn.T, alignment)
-    z, *_ = np.linalg.lstsq(beforehand.root, theta - beforehand.mean, rcond=None)
-    return z
+        values["gyro_bias"] = start_bias(model, turn.T, alignment)
+    return beforehand.coordinates(values)
 
 
 def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:

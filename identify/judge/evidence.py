@@ -15,6 +15,8 @@ from jaxtyping import Float
 
 from identify.judge.causes import Cause
 from identify.signals.filters import moving_average
+from identify.sums.normal_equations import inverse, products
+from identify.sums.residual_spectrum import leverage
 
 SMOOTHED = 10
 """Lines on each side over which the residuals' spectrum is taken.
@@ -47,8 +49,7 @@ class Base:
     @cached_property
     def leverage(self) -> Float[np.ndarray, "m rows"]:
         """Part of each residual's noise that the unknowns follow."""
-        inverse = np.linalg.inv(self.normal)
-        return np.asarray(np.einsum("map,pq,maq->ma", self.columns, inverse, self.columns, optimize=True))
+        return leverage(self.columns, inverse(self.normal))
 
     def beside(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what the base does not absorb of some columns, and by how much the unknowns follow each, (q, p)."""
@@ -143,8 +144,3 @@ def spectrum(residuals: Float[np.ndarray, "m rows"], free: Float[np.ndarray, "m 
     """
     squares, parts = (moving_average(values, 2 * SMOOTHED + 1) for values in (residuals**2, free))
     return np.asarray(squares / np.maximum(parts, 1e-3))
-
-
-def products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the sum over lines and rows of each column times each, (p, q)."""
-    return np.asarray(left.reshape(-1, left.shape[2]).T @ right.reshape(-1, right.shape[2]))

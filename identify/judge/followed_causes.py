@@ -7,7 +7,7 @@ import numpy as np
 
 from identify.joint.joint_model import SLICES
 from identify.judge.causes import causes
-from identify.judge.evidence import Base, Evidence, evidence
+from identify.judge.evidence import Evidence, evidence
 from identify.judge.run_fit import RunFit
 
 CHANCE = 1e-4
@@ -91,7 +91,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         free: unknowns of which nothing is declared.
     """
     tensor = run.prior.root[SLICES["inertia"]]
-    base = Base(run.residuals, run.columns, run.prior.counted)
+    base = run.base
     open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
     named: list[FollowedCause] = []
     first = 0.0

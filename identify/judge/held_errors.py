@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from identify.joint.joint_model import TEN
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED
-from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
+from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.priors import STATIC, indices
 from identify.judge.causes import accelerometer_scale, derivative
-from identify.judge.evidence import products
-from identify.judge.run_fit import RunFit
+from identify.judge.run_fit import RunFit, tensor_change
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
+from identify.sums.normal_equations import eliminated, products, solution
 
 HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
 """Unknowns of :data:`identify.joint.joint_model.SIZES` that an estimate may take as exact, or from static poses."""
@@ -40,7 +40,9 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
         fits: of each run, at its best under the same priors, its specific force from where the estimator has it.
     """
     if result.method != "joint":
-        return {FLEXIBILITY: _of_least_squares(result, fits)}
+        added, weights = [flexing(fit.prediction) for fit in fits], [run.weight for run in result.runs]
+        change = tensor_change(fits, weights, added, offsets=result.offsets == "estimate")
+        return {FLEXIBILITY: np.vstack([np.zeros((4, 3)), change])}
     held = [_held(fit.prediction) for fit in fits]
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
@@ -84,19 +86,6 @@ def flexing(run: PredictedWrench) -> Columns:
     return np.asarray(on_body + np.concatenate(turned, axis=1))
 
 
-def _of_least_squares(result: Identification, fits: Sequence[RunFit]) -> np.ndarray:
-    """Derivative of (10) by the mounting's flexibility: the force counts as measured, the moment about r_CG."""
-    normal, right = np.zeros((6, 6)), np.zeros((6, 3))
-    for fit, run in zip(fits, result.runs, strict=True):
-        at = fit.prediction
-        rows, moment = at.regressor, about_centre(flexing(at), at.x["r_cg"])
-        if result.offsets == "estimate":
-            rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
-        normal += run.weight * products(rows, rows)
-        right += run.weight * products(rows, moment)
-    return np.vstack([np.zeros((4, 3)), np.linalg.solve(normal, right)])
-
-
 def shared_unknowns(problem: Problem) -> set[str]:
     """Return the names of the unknowns that all runs share, as the joint estimate pools them."""
     calibrated = CALIBRATED if problem.centre is not None else ()
@@ -115,25 +104,12 @@ def pooled_change(
         shared: names of the unknowns that are the same in all; the others change by none.
     """
     prior = fits[0].prior
-    common = np.flatnonzero(prior.root[indices(shared)].any(axis=0))
-    count, size = len(common), added[0].shape[2]
-    normal, right = np.diag(prior.counted[common]), np.zeros((count, size))
-    for fit, columns in zip(fits, added, strict=True):
-        matrix = products(fit.columns, fit.columns)
-        side = products(fit.columns, columns)
-        local = np.setdiff1d(np.arange(len(matrix)), common)
-        by_local = _scaled_solve(
-            matrix[np.ix_(local, local)] + np.diag(prior.counted[local]),
-            np.hstack([matrix[np.ix_(local, common)], side[local]]),
-        )
-        cross = matrix[np.ix_(common, local)]
-        normal = normal + matrix[np.ix_(common, common)] - cross @ by_local[:, :count]
-        right = right + side[common] - cross @ by_local[:, count:]
-    return np.asarray(prior.root[:, common] @ _scaled_solve(normal, right))
-
-
-def _scaled_solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution of normal equations, of least norm where they are singular."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    solution = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale[:, None], rcond=1e-13)[0]
-    return np.asarray(solution / scale[:, None])
+    common = prior.root[indices(shared)].any(axis=0)
+    precision = np.diag(np.where(common, 0.0, prior.counted))
+    reduced = [
+        eliminated(products(fit.columns, fit.columns) + precision, products(fit.columns, columns), common)
+        for fit, columns in zip(fits, added, strict=True)
+    ]
+    normal = np.diag(prior.counted[common]) + np.sum([run.matrix for run in reduced], axis=0)
+    right = np.sum([run.right for run in reduced], axis=0)
+    return np.asarray(prior.root[:, common] @ solution(normal, right))

@@ -22,12 +22,10 @@ from jaxtyping import Float
 from identify.exceptions import RunError
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, SpecificForce
-from identify.joint.predicted_wrench import about_centre
 from identify.joint.priors import PriorBlock, error_blocks, root_of
 from identify.joint.single_run import Setting
-from identify.judge.evidence import products
 from identify.judge.judged_result import declared_of, rows_in_band, start_of
-from identify.judge.run_fit import OVER_BAND, RunFit, fit_run
+from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.judge.weight import falls
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
@@ -36,6 +34,7 @@ from identify.results.held_out_run import HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
 from identify.signals.run import Run
+from identify.sums.normal_equations import inverse, products
 from identify.sums.residual_spectrum import spectrum
 
 WIDER = 3
@@ -85,7 +84,7 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
 
 def _halves(run: Run) -> tuple[Run, ...]:
     """Two runs of equal numbers of samples that may be used: the joint model is compiled once for both."""
-    usable = np.arange(len(run.t)) if run.missing is None else np.flatnonzero(~run.missing)
+    usable = np.flatnonzero(run.usable)
     middle, count = usable[len(usable) // 2], len(usable) // 2
     ends = (usable[0], middle - 1), (middle, usable[2 * count - 1])
     names = "first half", "second half"
@@ -102,7 +101,7 @@ def _too_short(name: str, halves: bool) -> str:
 
 def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> InBand:
     rows = rows_in_band(run, result, problem)
-    if rows is None or 2 * OVER_BAND * problem.band() * rows.interval * rows.used.sum() < FEWEST:
+    if rows is None or 2 * OVER_BAND * problem.band * rows.interval * rows.used.sum() < FEWEST:
         raise RunError(_too_short(run.name, halves))
     return rows
 
@@ -152,10 +151,8 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     """Return the noise that the residuals of some runs show, each at its best."""
     residuals, free, frequency = [], [], []
     for fit in fits:
-        inverse = _inverse(products(fit.columns, fit.columns) + np.diag(fit.prior.counted))
-        taken = np.einsum("map,pq,maq->ma", fit.columns, inverse, fit.columns, optimize=True)
         residuals.append((fit.residuals @ np.linalg.inv(fit.lines.whitener).T)[1:])
-        free.append(np.clip(1 - taken, 0, 1)[1:])
+        free.append(1 - fit.base.leverage[1:])
         frequency.append(_frequencies(fit)[1:])
     order = np.argsort(np.concatenate(frequency), kind="stable")
     rows, freedom = np.concatenate(residuals)[order], np.concatenate(free)[order]
@@ -169,11 +166,6 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
 def _frequencies(fit: RunFit) -> np.ndarray:
     """Return the frequencies of a run's lines [Hz]."""
     return np.arange(len(fit.residuals)) / (2 * fit.lines.interval * len(fit.prediction.signals.t))
-
-
-def _inverse(normal: np.ndarray) -> np.ndarray:
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
 
 
 def _predicted(
@@ -212,16 +204,9 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
     """Return each declared error's effect on a tensor by least squares, (6, p), where it counts as zero."""
     if estimate.method == "joint":
         return {}
-    normal = np.zeros((6, 6))
-    right: dict[str, np.ndarray] = {}
-    for fit, run in zip(fits, estimate.runs, strict=True):
-        at = fit.prediction
-        rows = at.regressor - at.regressor.mean(axis=0) * (estimate.offsets == "estimate")
-        normal += run.weight * products(rows, rows)
-        for (name,) in error_blocks(problem.errors):
-            moment = about_centre(at.derivative(name), at.x["r_cg"])
-            right[name] = right.get(name, 0.0) + run.weight * products(rows, moment)
-    return {name: np.linalg.solve(normal, side) for name, side in right.items()}
+    weights, offsets = [run.weight for run in estimate.runs], estimate.offsets == "estimate"
+    added = {name: [fit.prediction.derivative(name) for fit in fits] for (name,) in error_blocks(problem.errors)}
+    return {name: tensor_change(fits, weights, columns, offsets=offsets) for name, columns in added.items()}
 
 
 def _held(declared: Setting, estimate: Identification, followed: dict[str, np.ndarray]) -> Setting:
@@ -271,11 +256,11 @@ def _compared(
     at = noise.at(_frequencies(fit))
     weighed = np.linalg.solve(at, np.concatenate([local, by_estimate, y[:, :, None]], axis=2))
     q = local.shape[2]
-    inverse = _inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))
+    covariance = inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))
     reduced = np.concatenate([by_estimate, y[:, :, None]], axis=2)
-    reduced = reduced - local @ (inverse @ products(local, weighed[:, :, q:]))
+    reduced = reduced - local @ (covariance @ products(local, weighed[:, :, q:]))
     moved, errors = reduced[:, :, :-1], reduced[:, :, -1]
-    taken = np.einsum("map,pq,maq->ma", local, inverse, local, optimize=True)
+    taken = np.einsum("map,pq,maq->ma", local, covariance, local, optimize=True)
     power = np.maximum(np.einsum("maa->ma", at) - taken, 0.0)
     spread = np.einsum("map,maq->apq", moved, moved)
     variance = power.sum(axis=0) + np.einsum("app->a", spread)

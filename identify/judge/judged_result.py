@@ -15,7 +15,7 @@ from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import by_held_errors
 from identify.judge.resonance import ResonancePeak, resonance
-from identify.judge.run_fit import RunFit, fit_run
+from identify.judge.run_fit import RunFit, fit_run, tensor_change
 from identify.judge.saturation import saturated
 from identify.judge.spectral_lines import lines_of
 from identify.judge.weight import LEAST_WEIGHT, falls, lasting
@@ -84,14 +84,14 @@ def judged(result: Identification, problem: Problem) -> Identification:
         declared_quantities.exact_declaration(cause, problem) for causes in exact_errors for cause in causes
     )
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
-    told = replace(
+    with_causes = replace(
         result,
         declarations=declared_quantities.farthest(declarations),
         consistency=(*result.consistency, *verdicts),
         warnings=(*result.warnings, *texts, *(verdict.text for verdict in verdicts)),
         by_held_errors=held,
     )
-    return with_misfit(told, shifts * result.determined)
+    return with_misfit(with_causes, shifts * result.determined)
 
 
 def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
@@ -130,7 +130,9 @@ def _of_run(
     left_over, row = min((judgement.unexplained, judgement.row) for judgement in judgements)
     verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
     for finding, cause in named.items():
-        shift = cause.shift if result.method == "joint" else _shift_of_least_squares(fits[0], cause)
+        shift = cause.shift
+        if result.method != "joint":
+            shift = tensor_change(fits[:1], [1.0], [cause.evidence.added[:, :, None]])[:, 0]
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))
         small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
@@ -150,7 +152,7 @@ def _of_run(
     if left_over > UNEXPLAINED:
         verdicts.append(_unexplained(run, left_over, row))
         total = np.hypot(total, left_over * result.standard_uncertainty)
-    peak = resonance(run, problem.band())
+    peak = resonance(run, problem.band)
     if peak is not None:
         mounting_effect = _of_mounting(fits[0], peak, result.inertia)
         lines = lines or [peak.verdict(run, _adds(mounting_effect))]
@@ -216,9 +218,7 @@ def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand |
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
     try:
-        return in_band(
-            run, problem.band(), reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None
-        )
+        return in_band(run, problem.band, reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None)
     except RunError:
         return None
 
@@ -270,7 +270,7 @@ def declared_of(
         flat = ["inertia", "moment_offset"]
         blocks |= {(name,): PriorBlock(blocks[name,].mean, 0 * blocks[name,].covariance) for name in FORCE_ALONE}
     return Setting(
-        blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band(), specific_force=force_from,
+        blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band, specific_force=force_from,
         gravity=problem.gravity, flat=tuple(flat),
     )  # fmt: skip
 
@@ -279,13 +279,3 @@ def start_of(result: Identification) -> dict[str, np.ndarray]:
     """Return an estimate, from which the search for a run's unknowns starts."""
     aligned = {"delay": result.delay, "rotation": result.rotation}
     return {"inertia": result.inertia} | {name: part.value for name, part in aligned.items() if part is not None}
-
-
-def _shift_of_least_squares(fit: RunFit, cause: FollowedCause) -> np.ndarray:
-    """Return a cause's error of the tensor of (10): the force counts as measured, the moment about r_CG."""
-    at = fit.prediction
-    added = cause.evidence.added
-    moment = added[:, 3:] - np.cross(at.x["r_cg"], added[:, :3])
-    rows = at.regressor - at.regressor.mean(axis=0)
-    moment = moment - moment.mean(axis=0)
-    return np.asarray(np.linalg.lstsq(rows.reshape(-1, 6), moment.ravel(), rcond=None)[0])

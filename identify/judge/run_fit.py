@@ -4,22 +4,24 @@ Gauss–Newton on the joint model's rows, on the lines of the cosine transform u
 motion's derivatives hold the gyro's noise, which the residuals hold, too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
 from jaxtyping import Float
 
 from identify.joint.gauss_newton import linearised
-from identify.joint.joint_model import SLICES, SpecificForce
-from identify.joint.predicted_wrench import Columns, PredictedWrench
+from identify.joint.joint_model import SpecificForce
+from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.joint.priors import Prior
 from identify.joint.single_run import Setting, gyro_noise, prepared
-from identify.judge.evidence import products
+from identify.judge.evidence import Base
 from identify.judge.force_of_motion import with_force_of_motion
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
+from identify.sums.normal_equations import products, solution
 
 STEPS = 10
 """Most steps of Gauss–Newton, the first two of which set the weights.
@@ -81,6 +83,11 @@ class RunFit:
         """Return the lines of changes of the wrench."""
         return self.lines(self.prediction.counted(columns))
 
+    @cached_property
+    def base(self) -> Base:
+        """What is fitted, to judge causes beside it."""
+        return Base(self.residuals, self.columns, self.prior.counted)
+
     @property
     def level(self) -> Float[np.ndarray, "6"]:
         """Root mean square of the residuals of each row [N], [N·m]."""
@@ -97,15 +104,11 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         setting: priors, and where the specific force comes from.
         start: unknowns from which the search starts elsewhere than at the prior's mean.
     """
-    position = np.zeros(3) if run.imu_position is None else run.imu_position
-    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), position, setting)
+    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), run.imu_position, setting)
     if setting.specific_force == "none":
         model = with_force_of_motion(model, prior, setting.alignment)
     model = model.with_fast_transform()
-    theta = prior.mean.copy()
-    for name, value in start.items():
-        theta[SLICES[name]] = value
-    z = np.linalg.lstsq(prior.root, theta - prior.mean, rcond=None)[0]
+    z = prior.coordinates(start)
     first = PredictedWrench(model, prior.theta(z)).signals
     wrench = np.hstack([first.force, first.moment])[:, :, None]
     shown = PredictedWrench(model, prior.theta(z)).counted(wrench)[:, :, 0]
@@ -115,7 +118,7 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         at = linearised(model, prior, z, lines)
         normal = products(at.columns, at.columns) + np.diag(prior.counted)
         right = products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z
-        change = _solved(normal, right)
+        change = solution(normal, right)
         remaining = at.residuals - at.columns @ change
         fit = RunFit(
             prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z,
@@ -140,6 +143,18 @@ def _covariance(
     return np.diag(np.diag(covariance)) if force_from == "still" else covariance
 
 
-def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale
+def tensor_change(
+    fits: Sequence[RunFit], weights: Sequence[float], added: Sequence[Columns], *, offsets: bool = True
+) -> Float[np.ndarray, "6 p"]:
+    """Return the change of the tensor of (10) by columns that are added to the wrench of each run.
+
+    The force counts as measured: least squares fit the moment about r_CG, less its mean where offsets are estimated.
+    """
+    normal, right = np.zeros((6, 6)), np.zeros((6, added[0].shape[2]))
+    for fit, weight, columns in zip(fits, weights, added, strict=True):
+        rows, moment = fit.prediction.regressor, about_centre(columns, fit.prediction.x["r_cg"])
+        if offsets:
+            rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
+        normal += weight * products(rows, rows)
+        right += weight * products(rows, moment)
+    return solution(normal, right)

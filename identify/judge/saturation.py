@@ -28,13 +28,12 @@ QUANTITIES = {"force": "force", "moment": "moment", "omega": "angular velocity"}
 
 def saturated(run: Run) -> list[ResidualCause]:
     """Return a finding for each end of each channel at which samples stay that are not left out."""
-    used = slice(None) if run.missing is None else ~run.missing
     return [
         Finding.SATURATION.cause(
             run.name, axis=f"b{axis}", share=count / len(values), quantity=name, value=significant(end, 4), count=count
         )
         for quantity, name in QUANTITIES.items()
-        for axis, values in enumerate(getattr(run, quantity)[used].T, 1)
+        for axis, values in enumerate(getattr(run, quantity)[run.usable].T, 1)
         for end in (values.min(), values.max())
         if (count := _at_end(values, end))
     ]

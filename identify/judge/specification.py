@@ -7,11 +7,12 @@ leaves are their difference.
 import numpy as np
 
 from identify.estimators.hausman import EstimateDifference
-from identify.judge.evidence import Base, products, spectrum
+from identify.judge.evidence import spectrum
 from identify.judge.findings import MATTERS, Finding, signed
 from identify.judge.run_fit import RunFit
 from identify.results.residual_cause import ResidualCause
 from identify.rounding import significant
+from identify.sums.normal_equations import products
 
 CHANCE = 1e-6
 """Chance of as large a difference below which the difference counts.
@@ -45,10 +46,9 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> EstimateDiffere
     inverse = np.linalg.inv(products(rows, rows))
     gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, fit.residuals)
-    base = Base(fit.residuals, fit.columns, fit.prior.counted)
-    noise = gain * np.sqrt(spectrum(fit.residuals, 1 - base.leverage))[:, :, None]
+    noise = gain * np.sqrt(spectrum(fit.residuals, 1 - fit.base.leverage))[:, :, None]
     along = products(fit.columns, gain)
-    covariance = products(noise, noise) - along.T @ np.linalg.solve(base.normal, along)
+    covariance = products(noise, noise) - along.T @ np.linalg.solve(fit.base.normal, along)
     values, vectors = np.linalg.eigh(covariance)
     no_news = np.diag((MATTERS * standard_uncertainty) ** 2)
     return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)

@@ -60,11 +60,11 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
     resonance = line(residuals, run.rate, above=ABOVE * run.band) if len(residuals) >= SHORTEST else None
     if resonance is None or resonance.share < LEAST:
         return []
-    found = Finding.SPECTRAL_LINE.cause(
+    verdict = Finding.SPECTRAL_LINE.cause(
         run.name, axis=f"b{resonance.axis + 1}", share=resonance.share, frequency=significant(resonance.frequency),
         size=f"{significant(resonance.rms, 2)} N·m",
     )  # fmt: skip
-    return [found]
+    return [verdict]
 
 
 def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:

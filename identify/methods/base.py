@@ -47,16 +47,13 @@ class Problem:
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source, for an estimator that takes them along."""
 
+    @cached_property
     def band(self) -> float:
-        """Return the band of the fastest motion [Hz].
+        """Band of the fastest motion [Hz].
 
         Raises:
             RunError: a run is too short for it.
         """
-        return self._band
-
-    @cached_property
-    def _band(self) -> float:
         for run in self.runs:
             samples = len(run.omega[run.longest_segment])
             if samples < SHORTEST:

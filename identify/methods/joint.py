@@ -48,7 +48,7 @@ class JointEstimator(Method):
             )
         declared = problem.estimator
         declared_band = None if declared is None else declared.band or declared.lowpass
-        band = problem.band() if declared_band is None else declared_band
+        band = problem.band if declared_band is None else declared_band
         specific_force = specific_force_source(problem)
         problem = replace(problem, errors=beside_alignment(problem.errors))
         setting = Setting(

@@ -89,7 +89,7 @@ def estimator_for(problem: Problem) -> EstimatorSpec:
     """
     if problem.estimator is not None:
         return problem.estimator
-    band = problem.band()
+    band = problem.band
     return EstimatorSpec(f"savitzky-golay, band {band:.3g} Hz found", "savitzky-golay", band)
 
 

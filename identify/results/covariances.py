@@ -55,7 +55,7 @@ def checked(result: Identification) -> Identification:
                 f"the covariance of {what} is not finite ({', '.join(bad or names)}): check the declared "
                 "uncertainties, or use the method source"
             )
-        least = _least(covariance)
+        least = least_eigenvalue(covariance)
         if least < LEAST:
             raise RunError(
                 f"the covariance of {what} is not positive semidefinite (eigenvalue {least:.2g} of its correlations), "
@@ -69,7 +69,7 @@ def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...],
     ten = np.ones(10, bool)
     ten[0] = result.mass is not None
     ten[4:] = result.determined
-    names = tuple(name for name, told in zip(PARAMETERS, ten, strict=True) if told)
+    names = tuple(name for name, stated in zip(PARAMETERS, ten, strict=True) if stated)
     yield "mass, centre of gravity and tensor", names, result.parameters.covariance[np.ix_(ten, ten)]
     for what, aligned in (("delay", result.delay), ("rotation", result.rotation)):
         if aligned is not None:
@@ -79,7 +79,7 @@ def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...],
             yield f"the offsets of {run.file}", ("M1", "M2", "M3"), run.offsets.covariance
 
 
-def _least(covariance: np.ndarray) -> float:
+def least_eigenvalue(covariance: np.ndarray) -> float:
     """The least eigenvalue of the correlations; what is exact counts as uncorrelated, unless its row says otherwise."""
     u = np.sqrt(np.diag(covariance))
     if np.abs(covariance[u == 0]).max(initial=0.0) > 0:

@@ -55,7 +55,7 @@ class PoolEstimate(NamedTuple):
             "runs": self.runs,
             "inertia": by_component(self.inertia),
             "standard_uncertainty": by_component(self.standard_uncertainty),
-            "interval95": dict(zip(COMPONENTS, self.interval95.tolist(), strict=True)),
+            "interval95": by_component(self.interval95),
         }
 
 
@@ -64,7 +64,7 @@ class Discordance:
     """The runs that leave the others, and the pool with and without them."""
 
     departures: tuple[Discordant, ...]
-    whole: PoolEstimate
+    all_runs: PoolEstimate
     """Estimate from all runs, which is the result."""
     without: PoolEstimate | None
     """Estimate from the runs that belong; None: these alone do not determine the tensor."""
@@ -73,16 +73,10 @@ class Discordance:
         """Return the content of result.json, in kg·m²."""
         return {
             "departures": [
-                {
-                    "runs": list(departure.files),
-                    "mounting": departure.mounting,
-                    "component": departure.component,
-                    "difference": departure.difference,
-                    "standard_uncertainty": departure.standard_uncertainty,
-                }
+                {"runs": list(departure.files)} | {name: getattr(departure, name) for name in RECORDED}
                 for departure in self.departures
             ],
-            "with": self.whole.to_dict(),
+            "with": self.all_runs.to_dict(),
             "without": None if self.without is None else self.without.to_dict(),
         }
 
@@ -97,7 +91,7 @@ class Discordance:
         at = COMPONENTS.index(departure.component)
         reduced, full = (
             with_uncertainty(GRAM_METRE * pool.inertia[at], GRAM_METRE * u)
-            for pool in (self.without, self.whole)
+            for pool in (self.without, self.all_runs)
             for u in [pool.standard_uncertainty[at]]
         )
         return f", and the pool's {departure.component} is {reduced} without {self._them()} instead of {full} g·m²"
@@ -106,6 +100,8 @@ class Discordance:
         return "it" if len(self.departures) == 1 else f"these {len(self.departures)}"
 
 
+RECORDED = ("mounting", "component", "difference", "standard_uncertainty")
+"""Properties of a departure in result.json, beside its runs."""
 CURE = "find what was different there, and leave it out only for a reason"
 
 
@@ -122,41 +118,26 @@ def discordant_runs(runs: Sequence[RunEstimate], redrawn: np.ndarray) -> tuple[D
     alone = [index for index, run in enumerate(runs) if run.alone]
     labels = list(dict.fromkeys(runs[index].mounting for index in alone))
     clusters = [[index for index in alone if runs[index].mounting == label] for label in labels]
-    means = [_weighted_mean(runs, cluster) for cluster in clusters]
-    departing = []
-    if len(clusters) >= LEAST:
-        values, u = (np.array(columns) for columns in zip(*means, strict=True))
-        for at, component, difference, uncertainty in discordant(values, np.hypot(u, redrawn)):
-            cluster = clusters[at]
-            files = tuple(runs[index].file for index in cluster)
-            departing.append(
-                Discordant(
-                    indices=tuple(cluster),
-                    files=files,
-                    mounting=labels[at],
-                    component=COMPONENTS[component],
-                    difference=difference,
-                    standard_uncertainty=uncertainty,
-                )
-            )
+    leaving = _leaving(runs, clusters, labels, redrawn)
     for cluster in clusters:
-        values, u = (np.array([getattr(runs[index], name) for index in cluster]) for name in COLUMNS)
-        for at, component, difference, uncertainty in discordant(values, np.maximum(u, 1e-300)):
-            index = cluster[at]
-            departing.append(
-                Discordant(
-                    indices=(index,),
-                    files=(runs[index].file,),
-                    mounting=None,
-                    component=COMPONENTS[component],
-                    difference=difference,
-                    standard_uncertainty=uncertainty,
-                )
-            )
-    return tuple(departing)
+        leaving += _leaving(runs, [[index] for index in cluster], [None] * len(cluster), np.zeros(6))
+    return tuple(leaving)
 
 
-COLUMNS = ("inertia", "standard_uncertainty")
+def _leaving(
+    runs: Sequence[RunEstimate], groups: Sequence[Sequence[int]], mountings: Sequence[str | None], redrawn: np.ndarray
+) -> list[Discordant]:
+    """Groups of runs, by their indices, whose mean tensor leaves those of the others."""
+    if len(groups) < LEAST:
+        return []
+    values, u = (np.array(part) for part in zip(*(_weighted_mean(runs, group) for group in groups), strict=True))
+    return [
+        Discordant(
+            indices=tuple(groups[k]), files=tuple(runs[index].file for index in groups[k]), mounting=mountings[k],
+            component=COMPONENTS[component], difference=difference, standard_uncertainty=uncertainty,
+        )
+        for k, component, difference, uncertainty in discordant(values, np.hypot(u, redrawn))
+    ]  # fmt: skip
 
 
 def _weighted_mean(runs: Sequence[RunEstimate], cluster: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 from identify.choices import OffsetChoice
 from identify.estimators.admissible_tensor import Admissible, finite
 from identify.estimators.type_a import Pooling
-from identify.reporting import Result
+from identify.reporting import Result, interval_records
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
 from identify.results.contributions import contributions
@@ -202,8 +202,8 @@ class Identification(Result):
             "inertia": by_component(self.inertia),
             "bias": by_component(self.bias),
             "standard_uncertainty": by_component(self.standard_uncertainty),
-            "interval95": _ends_content(self.interval95),
-            "interval95_with_undeclared": None if wide is None else _ends_content(wide.interval95),
+            "interval95": by_component(self.interval95),
+            "interval95_with_undeclared": None if wide is None else by_component(wide.interval95),
             "covariance": self.covariance.tolist(),
             "principal": principal_axes(self.inertia, self.covariance).to_dict(),
             "about_q": None if self.mass is None else self.parameters.about().to_dict(),
@@ -252,14 +252,7 @@ class Identification(Result):
 
     def records(self) -> list[dict[str, Any]]:
         """Return value, bias, standard uncertainty and interval of each component [kg·m²]; the second where known."""
-        columns = {
-            "component": COMPONENTS, "value": self.inertia, "bias": self.bias,
-            "standard_uncertainty": self.standard_uncertainty,
-            "low95": self.interval95[:, 0], "high95": self.interval95[:, 1],
-        }  # fmt: skip
-        if (wide := self.interval95_with_undeclared) is not None:
-            columns |= {"low95_with_undeclared": wide[:, 0], "high95_with_undeclared": wide[:, 1]}
-        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return interval_records(self, component=COMPONENTS, value=self.inertia, bias=self.bias)
 
 
 def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
@@ -268,10 +261,6 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
         return {"value": np.eye(3).tolist(), "estimated": False}
     matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
     return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
-
-
-def _ends_content(interval95: np.ndarray) -> dict[str, list[float]]:
-    return {name: list(map(float, ends)) for name, ends in zip(COMPONENTS, interval95, strict=True)}
 
 
 def _centre_ends(wide: Identification | None) -> np.ndarray | None:

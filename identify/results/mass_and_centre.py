@@ -42,15 +42,15 @@ def content(
     """
     second = [None] * 4 if wide is None else wide.tolist()
     u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
-    known, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
+    has_mass, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
     mass_source = DECLARED if source == ESTIMATED and not uncertain else source
     return {
         "mass": {
-            "value": ten.mass if known else None,
+            "value": ten.mass if has_mass else None,
             "standard_uncertainty": float(u[0]) if uncertain else None,
             "interval95": intervals[0] if uncertain else None,
-            "interval95_with_undeclared": second[0] if known else None,
-            "from": mass_source if known else None,
+            "interval95_with_undeclared": second[0] if has_mass else None,
+            "from": mass_source if has_mass else None,
         },
         "cg": {
             "value": ten.r_cg.tolist(),

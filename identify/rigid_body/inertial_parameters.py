@@ -146,9 +146,9 @@ class InertialParameters(Shown):
             raise RunError(f"the {what} needs the mass: state it, or find it from static poses")
 
 
-def by_component(values: np.ndarray) -> dict[str, float]:
+def by_component(values: ArrayLike) -> dict[str, Any]:
     """Return the six values of a packed tensor by their names."""
-    return dict(zip(COMPONENTS, map(float, values), strict=True))
+    return dict(zip(COMPONENTS, np.asarray(values, float).tolist(), strict=True))
 
 
 def _about(start: Array) -> Array:

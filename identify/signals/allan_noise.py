@@ -129,10 +129,10 @@ def allan_noise(signal: Float[np.ndarray, " n"], rate: float) -> AllanNoise:
     spectrum = _Spectrum(signal - signal.mean() - drift * time, rate)
     groups = {limit: spectrum.groups(limit) for limit in HIGHEST * rate / 2 ** np.arange(1, 20)}
     fits = (_Fit(*means, limit) for limit, means in groups.items() if len(means[0]) >= LEAST_GROUPS)
-    whole = next(fits, None)
-    if whole is None:
+    widest = next(fits, None)
+    if widest is None:
         raise too_few
-    fit = whole if whole.misfit <= MISFIT else next((fit for fit in fits if fit.misfit <= MISFIT), whole)
+    fit = widest if widest.misfit <= MISFIT else next((fit for fit in fits if fit.misfit <= MISFIT), widest)
     squares, intervals = fit.squares, fit.intervals()
     seconds = n / rate
     # the middle of the intervals: what is not seen at all may still make the slope

@@ -7,7 +7,7 @@ value q and slope q̇ at its middle, ``omega = 2 vec(q* q̇) / |q|²`` in the bo
 import numpy as np
 from jaxtyping import Float
 
-from identify.signals.differentiate import highest_band, matched, savitzky_golay
+from identify.signals.differentiate import fit_at_middle, highest_band, matched, savitzky_golay
 from identify.signals.power_spectrum import motion_band
 from identify.signals.run import RunError
 
@@ -15,14 +15,6 @@ TOLERANCE = 1e-3
 """Departure of a quaternion's norm from 1 that counts as rounding."""
 ORDER = 4
 """Degree of the fit."""
-
-
-def smoother(half: int, order: int = ORDER) -> np.ndarray:
-    """Return the taps of the fit's value at its middle, for ``2 half + 1`` points."""
-    steps = np.arange(-half, half + 1) / half
-    powers = np.polynomial.legendre.legvander(steps, order)
-    at_middle = np.polynomial.legendre.legvander(np.zeros(1), order)[0]
-    return at_middle @ np.linalg.pinv(powers)
 
 
 def differentiator(
@@ -95,7 +87,7 @@ def angular_velocity(
     slope_taps = np.concatenate([-taps[::-1], [0.0], taps])
     value, slope = (
         np.stack([np.convolve(component, kernel[::-1], "valid") for component in quaternion.T], axis=1)
-        for kernel in (smoother(half), slope_taps)
+        for kernel in (fit_at_middle(half, ORDER), slope_taps)
     )
     omega = 2 * _vector(value, slope) / (value**2).sum(axis=1, keepdims=True)
     inner = quaternion[2:-2]

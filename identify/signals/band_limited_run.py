@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identify.signals.filters import apply, kaiser, kaiser_shape
+from identify.signals.filters import apply, kaiser_low_pass
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Run, RunError
 
@@ -120,10 +120,7 @@ def low_pass(rate: float, band: float, factor: int) -> np.ndarray:
     """A Kaiser low-pass, flat over what is kept and closed where decimation would fold noise onto it."""
     if factor == 1:
         return np.ones(1)
-    passed, closed = PASSED * band, rate / factor - PASSED * band
-    width = 2 * (closed - passed) / rate
-    count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return kaiser(count, (passed + closed) / rate, kaiser_shape(ATTENUATION))
+    return kaiser_low_pass(rate, PASSED * band, rate / factor - PASSED * band, ATTENUATION)
 
 
 def _decimated(samples: np.ndarray, taps: np.ndarray, factor: int) -> np.ndarray:

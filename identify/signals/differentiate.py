@@ -36,11 +36,17 @@ def savitzky_golay(rate: float, window: int, order: int = 4) -> np.ndarray:
     half = window // 2
     if window % 2 == 0 or window <= order:
         raise ValueError(f"Argument `window` must be odd and more than the order {order}, but is {window}.")
-    steps = np.arange(-half, half + 1) / half
-    powers = np.polynomial.legendre.legvander(steps, order)
-    slopes = np.array([np.polynomial.legendre.Legendre.basis(k).deriv()(0.0) for k in range(order + 1)])
-    weights = slopes @ np.linalg.pinv(powers)
-    return weights[half + 1 :] * rate / half
+    return fit_at_middle(half, order, derivative=1)[half + 1 :] * rate / half
+
+
+def fit_at_middle(half: int, order: int, *, derivative: int = 0) -> np.ndarray:
+    """Return the weights of ``2 half + 1`` samples that make a polynomial fit's value, or derivative, at their middle.
+
+    Time runs from -1 to 1.
+    """
+    powers = np.polynomial.legendre.legvander(np.arange(-half, half + 1) / half, order)
+    at_middle = [np.polynomial.legendre.Legendre.basis(k).deriv(derivative)(0.0) for k in range(order + 1)]
+    return np.asarray(np.array(at_middle) @ np.linalg.pinv(powers))
 
 
 def gain(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:

@@ -36,9 +36,7 @@ def lowpass(rate: float, nyquist: float) -> np.ndarray:
     A Kaiser window of 100 dB. What a slower sensor that samples at twice ``nyquist`` cannot follow does not pass; a
     motion below 0.4 ``nyquist`` is left as it is, so that its products are, too.
     """
-    width = 0.6 * nyquist / (rate / 2)  # of the transition, as a part of half the rate
-    count = int(np.ceil((ATTENUATION - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
-    return kaiser(count, 1.4 * nyquist / rate, kaiser_shape(ATTENUATION))
+    return kaiser_low_pass(rate, 0.4 * nyquist, nyquist, ATTENUATION)
 
 
 def kaiser(count: int, cutoff: float, shape: float) -> np.ndarray:
@@ -53,9 +51,18 @@ def kaiser(count: int, cutoff: float, shape: float) -> np.ndarray:
     return np.asarray(taps / taps.sum())
 
 
-def kaiser_shape(attenuation: float) -> float:
-    """Return Kaiser's β for an attenuation above 50 dB."""
-    return 0.1102 * (attenuation - 8.7)
+def kaiser_low_pass(rate: float, passed: float, closed: float, attenuation: float) -> np.ndarray:
+    """Return the taps of a low-pass under a Kaiser window, an odd count.
+
+    Args:
+        rate: sample rate [Hz].
+        passed: highest frequency that passes [Hz].
+        closed: lowest frequency that is stopped [Hz].
+        attenuation: of what is stopped, above 50 [dB].
+    """
+    width = 2 * (closed - passed) / rate  # of the transition, as a part of half the rate
+    count = int(np.ceil((attenuation - 7.95) / (2.285 * np.pi * width))) // 2 * 2 + 1
+    return kaiser(count, (passed + closed) / rate, 0.1102 * (attenuation - 8.7))
 
 
 def response(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:

@@ -63,7 +63,7 @@ def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarr
     position = np.zeros(3) if run.imu_position is None else run.imu_position
     alpha = np.gradient(run.omega, run.t, axis=0)
     reading = specific_force_at(force, run.omega, alpha, r_cg - position)
-    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    usable = run.usable
     bias, up = np.zeros(3), UP
     for _ in range(ROUNDS):
         to_body = _turned(run, bias)

@@ -108,6 +108,11 @@ class Run:
         return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     @property
+    def usable(self) -> Bool[np.ndarray, " n"]:
+        """Mask of the samples that are not ``missing``."""
+        return np.ones(len(self.t), bool) if self.missing is None else ~self.missing
+
+    @property
     def longest_segment(self) -> slice:
         """The longest segment in which every sample may be used."""
         return max(self.used(), key=lambda segment: segment.stop - segment.start)
@@ -243,16 +248,14 @@ class Run:
             self.between(start, stop)
         cut = self.between(segments[0][0], segments[-1][1])
         inside = np.any([(cut.t >= start) & (cut.t <= stop) for start, stop in segments], axis=0)
-        missing = ~inside if cut.missing is None else ~inside | cut.missing
+        missing = ~(inside & cut.usable)
         outside = {"outside the part": len(self.t) - int(inside.sum())}
         left_out = {**self.left_out, **outside} if outside["outside the part"] else self.left_out
         return replace(cut, missing=missing if missing.any() else None, segments=segments, left_out=left_out)
 
     def used(self) -> list[slice]:
         """Return the segments of samples without one that must not be used."""
-        if self.missing is None:
-            return [slice(0, len(self.t))]
-        return [slice(start, stop) for start, stop in runs_of_true(~self.missing)]
+        return [slice(start, stop) for start, stop in runs_of_true(self.usable)]
 
     def cure(self, otherwise: str) -> str:
         """Return what a run that cannot be used needs: what was wrong with its samples, if anything was."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 
@@ -30,16 +31,10 @@ class ShapedNoise(NamedTuple):
         """
         highest = min(rate, self.rate) / 2
         frequency = (np.arange(20_000) + 0.5) / 20_000 * highest
-        gain = _slope(self.taps, self.rate, frequency) * _slope(estimator.taps(rate), rate, frequency)
-        passed = response(estimator.filter_taps(rate), rate, frequency)
-        return self.sigma * float(np.sqrt(np.mean((gain * passed) ** 2) * highest / (self.rate / 2)))
+        gains = gain(self.taps, self.rate, frequency) * gain(estimator.taps(rate), rate, frequency)
+        passed = (2 * np.pi * frequency) ** 2 * gains * response(estimator.filter_taps(rate), rate, frequency)
+        return self.sigma * float(np.sqrt(np.mean(passed**2) * highest / (self.rate / 2)))
 
     def turned(self, rotation: Float[np.ndarray, "3 3"]) -> "ShapedNoise":
         """Return the noise on other axes."""
         return self._replace(sigma=np.sqrt(rotation**2 @ self.sigma**2))
-
-
-def _slope(taps: np.ndarray, rate: float, frequency: np.ndarray) -> np.ndarray:
-    """The magnitude of a differentiator's response [1/s]."""
-    lags = np.arange(1, len(taps) + 1) / rate
-    return 2 * np.sin(2 * np.pi * np.multiply.outer(frequency, lags)) @ taps

@@ -18,8 +18,8 @@ from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import refuse_excess
 from identify.static.centre_result import Centre
 from identify.static.gain_check import GainCheck, gain_check
-from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, predicted_fit
-from identify.static.pose_outliers import Creep, Outlier, PoseSignals, creep, fitted, outliers
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, PoseSignals, fit, predicted_fit
+from identify.static.pose_outliers import Creep, Outlier, creep, outliers
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -80,7 +80,7 @@ def centre(
     memory = None if lag is None else lag.columns
     if lag is not None:
         named = outliers(signals, attitudes, counted, memory)
-    solution = fitted(signals, attitudes, counted, memory=memory)
+    solution = fit(signals, attitudes, counted, memory=memory)
     if solution.values[0] <= 0:
         raise RunError(
             f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench is that on the "
@@ -88,7 +88,7 @@ def centre(
         )
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
-        solution = fitted(signals, attitudes, counted, mass=mass, memory=memory)
+        solution = fit(signals, attitudes, counted, mass=mass, memory=memory)
     values, jacobian = _parameters(solution)
     covariance, lasting = jacobian @ solution.covariance @ jacobian.T, jacobian @ solution.lasting
     by_wrench = np.zeros((LINEAR, *f.shape[:1], 6))

@@ -8,7 +8,8 @@ import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.reporting import VERSION, Result
+from identify.reporting import VERSION, Result, interval_records
+from identify.results.covariances import least_eigenvalue
 from identify.results.undeclared import Effect, Undeclared
 from identify.static.gain_check import GainCheck
 
@@ -188,14 +189,7 @@ class Centre(Result):
 
     def records(self) -> list[dict[str, Any]]:
         """Return value, standard uncertainty and interval of each of the ten parameters, in SI."""
-        columns = {
-            "parameter": PARAMETERS, "unit": UNITS, "value": self.values,
-            "standard_uncertainty": self.standard_uncertainty,
-            "low95": self.interval95[:, 0], "high95": self.interval95[:, 1],
-        }  # fmt: skip
-        if (wide := self.interval95_with_undeclared) is not None:
-            columns |= {"low95_with_undeclared": wide[:, 0], "high95_with_undeclared": wide[:, 1]}
-        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return interval_records(self, parameter=PARAMETERS, unit=UNITS, value=self.values)
 
 
 def _effect_content(effect: Effect) -> dict[str, Any]:
@@ -234,8 +228,9 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
         raise RunError(f"provenance of {content.name} is no table: run `inertia centre` again")
     mass = float(content.array("mass", "value", shape=()))
     covariance = content.array("covariance", shape=(n, n))
-    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)).clip(0))
-    if (np.abs(covariance - covariance.T) > 1e-9 * scale).any() or _least(covariance) < -1e-9:
+    variances = np.diag(covariance)
+    asymmetric = np.abs(covariance - covariance.T) > 1e-9 * np.sqrt(np.outer(variances, variances).clip(0))
+    if asymmetric.any() or variances.min() < 0 or least_eigenvalue(covariance) < -1e-9:
         raise RunError(
             f"covariance of {content.name} is none, not symmetric or not positive: run `inertia centre` again"
         )
@@ -283,9 +278,3 @@ def _undeclared(content: _Content) -> Undeclared | None:
             for (name, text, figure), by in zip(texts, changes, strict=True)
         )
     )
-
-
-def _least(covariance: np.ndarray) -> float:
-    """The least eigenvalue of the correlations."""
-    u = np.sqrt(np.diag(covariance).clip(1e-300))
-    return float(np.linalg.eigvalsh(covariance / np.outer(u, u))[0])

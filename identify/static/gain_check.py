@@ -1,6 +1,6 @@
 """The mass measured by a load cell against the mass from a scale: a check of the cell's gain."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from identify.rounding import with_uncertainty
@@ -19,7 +19,7 @@ class GainCheck:
     """Standard uncertainty of the scale's mass [kg]."""
     ratio: float
     """The load cell's mass over the scale's: the gain of its force, where gravity is right."""
-    ratio_uncertainty: float
+    ratio_standard_uncertainty: float
     """Standard uncertainty of the ratio."""
     coverage_factor: float
     """Coverage factor of the interval of 95 %."""
@@ -27,7 +27,7 @@ class GainCheck:
     @property
     def normalised(self) -> float:
         """Deviation of the ratio from 1 over its expanded uncertainty: |E_n| of ISO/IEC 17043."""
-        return abs(self.ratio - 1) / (self.coverage_factor * self.ratio_uncertainty)
+        return abs(self.ratio - 1) / (self.coverage_factor * self.ratio_standard_uncertainty)
 
     @property
     def within(self) -> bool:
@@ -42,21 +42,13 @@ class GainCheck:
     @property
     def verdict(self) -> str:
         """The check in words."""
-        figures = f"{with_uncertainty(self.ratio, self.ratio_uncertainty)}, E_n {self.normalised:.2f}"
+        figures = f"{with_uncertainty(self.ratio, self.ratio_standard_uncertainty)}, E_n {self.normalised:.2f}"
         text = f"load cell's mass over the scale's {figures}"
         return f"{text}: {'the gain agrees' if self.within else 'the load cell, or gravity, is off'}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return its content in centre.json."""
-        return {
-            "mass": self.mass,
-            "standard_uncertainty": self.standard_uncertainty,
-            "ratio": self.ratio,
-            "ratio_standard_uncertainty": self.ratio_uncertainty,
-            "coverage_factor": self.coverage_factor,
-            "normalised": self.normalised,
-            "within": self.within,
-        }
+        return asdict(self) | {"normalised": self.normalised, "within": self.within}
 
 
 def gain_check(mass: float, sigma: float, cell_mass: float, sigma_cell_mass: float, factor: float) -> GainCheck:
@@ -65,5 +57,5 @@ def gain_check(mass: float, sigma: float, cell_mass: float, sigma_cell_mass: flo
     ratio = cell_mass / mass
     spread = ratio * ((sigma / mass) ** 2 + (sigma_cell_mass / cell_mass) ** 2) ** 0.5
     return GainCheck(
-        mass=mass, standard_uncertainty=sigma, ratio=ratio, ratio_uncertainty=spread, coverage_factor=factor
+        mass=mass, standard_uncertainty=sigma, ratio=ratio, ratio_standard_uncertainty=spread, coverage_factor=factor
     )

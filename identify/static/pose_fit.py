@@ -7,6 +7,7 @@ to all poses do not show in the residuals and come on top.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,7 +22,7 @@ LINEAR = 10
 class Attitudes:
     """Uncertainty of the attitudes of static poses."""
 
-    each: Float[np.ndarray, " n"] | float = 0.0
+    tilt: Float[np.ndarray, " n"] | float = 0.0
     """Standard uncertainty of each pose's tilt about any axis, independent from pose to pose [rad]."""
     common: Float[np.ndarray, "n 3 k"] | None = None
     """Change of each pose's specific force f by one standard uncertainty of k errors that all poses share [m/s²]; None:
@@ -34,12 +35,23 @@ class Attitudes:
 
     def of(self, poses: Bool[np.ndarray, " n"]) -> "Attitudes":
         """Return those of some of the poses."""
-        each = np.broadcast_to(np.asarray(self.each, float), len(poses))[poses]
+        tilt = np.broadcast_to(np.asarray(self.tilt, float), len(poses))[poses]
         common, wrench = (None if x is None else x[poses] for x in (self.common, self.wrench))
-        return Attitudes(each, common, self.lasting, wrench)
+        return Attitudes(tilt, common, self.lasting, wrench)
 
 
 EXACT = Attitudes()
+
+
+class PoseSignals(NamedTuple):
+    """Measured wrench and attitude of static poses, in B."""
+
+    force: Float[np.ndarray, "n 3"]
+    """Mean force on the body [N]."""
+    moment: Float[np.ndarray, "n 3"]
+    """Mean moment on the body about Q [N·m]."""
+    specific_force: Float[np.ndarray, "n 3"]
+    """Specific force, opposite to gravity [m/s²]."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +84,9 @@ class PoseFit:
 
 
 def fit(
-    force: Float[np.ndarray, "n 3"],
-    moment: Float[np.ndarray, "n 3"],
-    specific_force: Float[np.ndarray, "n 3"],
-    attitudes: Attitudes = EXACT,
+    signals: PoseSignals,
+    attitudes: Attitudes,
+    used: Bool[np.ndarray, " n"],
     *,
     mass: tuple[float, float] | None = None,
     memory: Float[np.ndarray, "n 6 c"] | None = None,
@@ -83,16 +94,16 @@ def fit(
     """Return the least squares of ``F = m f + F0`` and ``M = (m r) × f + M0``.
 
     Args:
-        force: on the body [N].
-        moment: on the body about Q [N·m].
-        specific_force: opposite to gravity [m/s²].
-        attitudes: how far this may be off.
+        signals: of all poses.
+        attitudes: how far their specific force may be off.
+        used: which of the poses count.
         mass: from a scale, with its standard uncertainty, as one more observation [kg].
         memory: further columns of the wrench, whose coefficients are estimated along.
     """
-    rows, measured = _rows(specific_force), np.hstack([force, moment])
+    attitudes, specific_force = attitudes.of(used), signals.specific_force[used]
+    rows, measured = _rows(specific_force), np.hstack([signals.force, signals.moment])[used]
     if memory is not None:
-        rows = np.concatenate([rows, memory], axis=2)
+        rows = np.concatenate([rows, memory[used]], axis=2)
     gain = _gain(rows)
     values = np.einsum("pnc,nc->p", gain, measured)
     residuals = measured - rows @ values
@@ -169,7 +180,7 @@ def _attitude_effects(
     values: np.ndarray, gain: np.ndarray, f: np.ndarray, attitudes: Attitudes
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a standard uncertainty's effects: of each tilt on its wrench (n, 6, 3), of common errors on the values."""
-    sigma = np.broadcast_to(np.asarray(attitudes.each, float), len(f))[:, None, None]
+    sigma = np.broadcast_to(np.asarray(attitudes.tilt, float), len(f))[:, None, None]
     common = np.zeros((len(f), 3, 0)) if attitudes.common is None else attitudes.common
     tilts = _wrench_change(values, -cross_matrices(f)) * sigma
     return tilts, np.einsum("pnc,nck->pk", gain, _wrench_change(values, common))

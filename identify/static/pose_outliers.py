@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from identify.static.pose_fit import CHANNELS, LINEAR, Attitudes, PoseFit, fit
+from identify.static.pose_fit import CHANNELS, LINEAR, Attitudes, PoseFit, PoseSignals, fit
 
 LEAST_FREE = 1e-6
 """Part of a reading that the others tell, below which its residual is rounding."""
@@ -29,17 +29,6 @@ MOST = 10
 """Largest number of outliers that are looked for."""
 ROUNDING = 1e-6
 """Relative error of the readings, and part of the load, below which a residual or a lag says nothing."""
-
-
-class PoseSignals(NamedTuple):
-    """Measured wrench and attitude of static poses, in B."""
-
-    force: Float[np.ndarray, "n 3"]
-    """Mean force on the body [N]."""
-    moment: Float[np.ndarray, "n 3"]
-    """Mean moment on the body about Q [N·m]."""
-    specific_force: Float[np.ndarray, "n 3"]
-    """Specific force, opposite to gravity [m/s²]."""
 
 
 class Outlier(NamedTuple):
@@ -80,7 +69,7 @@ def outliers(
     """
     counted, candidates, shown = used.copy(), list[int](), 0
     measured = np.hstack(signals[:2])
-    within = everyone = fitted(signals, attitudes, counted, memory=memory)
+    within = everyone = fit(signals, attitudes, counted, memory=memory)
     while counted.sum() >= LEAST_POSES and len(candidates) < min(used.sum() // 4, MOST):
         own = np.sqrt(np.maximum(1 - within.leverage, LEAST_FREE))
         studentised = np.abs(within.residuals) / own
@@ -88,12 +77,12 @@ def outliers(
         candidates.append(int(np.flatnonzero(counted)[place]))
         limits = _limits(within)
         counted[candidates[-1]] = False
-        within = fitted(signals, attitudes, counted, memory=memory)
+        within = fit(signals, attitudes, counted, memory=memory)
         if studentised[place, axis] > limits[axis] * _scatter(within, measured)[axis]:
             shown = len(candidates)
     counted = used.copy()
     counted[candidates[:shown]] = False
-    clean = fitted(signals, attitudes, counted, memory=memory)
+    clean = fit(signals, attitudes, counted, memory=memory)
     size = measured - clean.predicted(signals.specific_force, memory)
     ratios = np.zeros_like(size)
     ratios[used] = np.sqrt(np.maximum(1 - everyone.leverage, 0)) * np.abs(size[used]) / _scatter(clean, measured)
@@ -116,9 +105,9 @@ def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n
     """
     if used.sum() < LEAST_POSES:
         return None
-    plain = fitted(signals, attitudes, used).values
+    plain = fit(signals, attitudes, used).values
     candidates = [_memory(signals.specific_force, plain, keeps) for keeps in MEMORY]
-    fits = [(fitted(signals, attitudes, used, memory=columns), columns) for columns in candidates]
+    fits = [(fit(signals, attitudes, used, memory=columns), columns) for columns in candidates]
     # the leverages' sum is the rank: where poses repeat in turn, a lag is not told from the load itself
     determined = [pair for pair in fits if pair[0].leverage.sum() > LINEAR + pair[1][used].any(axis=(0, 1)).sum() - 0.5]
     if not determined:
@@ -131,27 +120,13 @@ def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n
 
 def _memory(f: Float[np.ndarray, "n 3"], plain: Float[np.ndarray, "10"], keeps: float) -> Float[np.ndarray, "n 6 8"]:
     """Columns of a lag: of force and moment, and of the load that the load cell remembers at the first pose."""
-    late = np.zeros_like(f)
+    lagging = np.zeros_like(f)
     for k in range(1, len(f)):
-        late[k] = keeps * late[k - 1] + (1 - keeps) * f[k - 1]
+        lagging[k] = keeps * lagging[k - 1] + (1 - keeps) * f[k - 1]
     columns = np.zeros((len(f), CHANNELS, 2 + CHANNELS))
-    columns[:, :3, 0], columns[:, 3:, 1] = plain[0] * (late - f), np.cross(plain[4:7], late - f)
+    columns[:, :3, 0], columns[:, 3:, 1] = plain[0] * (lagging - f), np.cross(plain[4:7], lagging - f)
     columns[:, :, 2:] = np.multiply.outer(keeps ** np.arange(len(f)), np.eye(CHANNELS))
     return columns
-
-
-def fitted(
-    signals: PoseSignals,
-    attitudes: Attitudes,
-    used: Bool[np.ndarray, " n"],
-    *,
-    mass: tuple[float, float] | None = None,
-    memory: Float[np.ndarray, "n 6 c"] | None = None,
-) -> PoseFit:
-    """Return the fit of the poses that count; see :func:`identify.static.pose_fit.fit`."""
-    force, moment, specific_force = (signal[used] for signal in signals)
-    columns = None if memory is None else memory[used]
-    return fit(force, moment, specific_force, attitudes.of(used), mass=mass, memory=columns)
 
 
 def _freedom(solution: PoseFit) -> Float[np.ndarray, "6"]:

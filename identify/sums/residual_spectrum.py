@@ -228,7 +228,7 @@ def spectrum(
     return Spectrum(products=products, shape=shape, constants=constants, free=free, wider=wider)
 
 
-def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m 3"]:
+def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m rows"]:
     """Return how much of each value its own fit takes up: the diagonal of ``X (XᵀX)⁻¹ Xᵀ``."""
 
     def taken(block: np.ndarray) -> np.ndarray:

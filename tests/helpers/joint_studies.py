@@ -6,6 +6,7 @@ import numpy as np
 
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES
+from identify.joint.joint_pooling import pool
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.helpers.joint_lab import Laboratory, random_body
 from uq.sources.source import Source
@@ -40,7 +41,8 @@ def _one_laboratory(experiment, number, runs, seed):
             laboratory.run(rng, delay, rotation), laboratory.calibration(rng, covariance), Alignment()
         )
         truth = np.concatenate([laboratory.body.inertia, [delay], rotation, laboratory.body.r_cg_from_q])
-        total, prior_covariance = (np.diag(part)[SHOWN] for part in joint.posterior())
+        pooled = pool([joint], ())
+        total, prior_covariance = (np.diag(part)[SHOWN] for part in (pooled.covariance, pooled.prior_covariance))
         rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), prior_covariance / total))
     return tuple(np.array(part) for part in zip(*rows, strict=True))
 

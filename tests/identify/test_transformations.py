@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators import gram, least_squares
+from identify.estimators import gram
 from identify.motion.attitude import running_product
 from identify.motion.leg_limits import PlatformMotion, effort
 from identify.motion.multisine import Multisine
@@ -107,10 +107,6 @@ KERNELS = {
             *arrays[:3], rate=10.0, r_cg=arrays[3], estimator=EstimatorSpec("short", "savitzky-golay", window=5)
         ),
         *(np.random.default_rng(seed).normal(size=(12, 3)) for seed in range(3)), VECTOR,
-    ),
-    "ordinary least squares": (
-        lambda rows, values: least_squares.ordinary(rows, values).value,
-        np.sin(np.arange(24.0) ** 1.5).reshape(4, 3, 2), np.arange(12.0).reshape(4, 3),
     ),
 }  # fmt: skip
 

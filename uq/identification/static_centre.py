@@ -310,7 +310,7 @@ def resting(run: Run, wanted: Sequence[tuple[float, float]]) -> list[np.ndarray]
     """Return the usable samples of each still segment of a second or more within the wanted parts [s]."""
     others = () if run.specific_force is None else (run.specific_force,)
     segments = still(run.rate, run.omega, run.force, run.moment, *others)
-    usable = np.ones(len(run.t), bool) if run.missing is None else ~run.missing
+    usable = run.usable
     rests = []
     for start, stop in wanted:
         for rest in segments:

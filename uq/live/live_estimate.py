@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.estimators.excitation import Excitation, excitation
 from identify.estimators.gram import Sums, normal_equations
-from identify.estimators.least_squares import Excitation, excitation
 from identify.estimators.type_a import Pooling
 from identify.results.mass_and_centre import NORMAL
 from identify.rigid_body.inertia import COMPONENTS, Body

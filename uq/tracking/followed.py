@@ -53,7 +53,7 @@ def follow(run: Run, spec: TrajectorySpec) -> Followed:
         RunError: the run does not follow the trajectory.
     """
     t, measured = run.t - run.t[0], np.asarray(run.omega)
-    usable = np.ones(len(t), bool) if run.missing is None else ~run.missing
+    usable = run.usable
     lag = np.full(3, _coarse_lag(run, spec))
     gain, offset = np.ones(3), np.zeros(3)
     scale = np.abs(plan_at(spec, t - lag[0])[0]).max()

@@ -199,33 +199,18 @@ def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np
 
 
 RECALL = 20.0
-"""Time constant with which the accelerometer corrects gravity's direction [s].
+"""Time over which the accelerometer tells gravity's direction along axes that the gyro keeps [s].
 
 Choice: longer than periods of a motion, over which acceleration averages out.
-"""
-LARGEST_BIAS = 0.02
-"""Mean angular velocity that is taken for the gyro's bias [rad/s].
-
-Choice: 1.1 deg/s; a larger mean is a turn.
 """
 
 
 def carried_gravity(
     step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Gravity's direction in the body frame, times its size: turned by the gyro, drawn slowly to the specific force.
-
-    dg/dt = -ω × g + (f - g) / RECALL, begun at the mean of the first half second.
-    """
-    start = specific[: max(1, round(0.5 / step))].mean(axis=0)
-    drift = omega.mean(axis=0)
-    omega = omega - drift if float(np.linalg.norm(drift)) < LARGEST_BIAS else omega
-    # in axes that stay as they are at the start, gravity is a mean that forgets
-    attitude = cumulative_product(exponentials(step * omega))
-    there = np.einsum("nij,nj->ni", attitude, specific)
-    gravity = np.einsum("nji,nj->ni", attitude, _forgetting_mean(there, step / RECALL, start))
+    """The opposite of gravity in the body frame [m/s²]: the specific force's usual size along its carried direction."""
     size = float(np.median(np.linalg.norm(specific, axis=1)))
-    return np.asarray(size * gravity / np.maximum(np.linalg.norm(gravity, axis=1, keepdims=True), 1e-12))
+    return size * carried_attitude(step, omega, specific)[:, 2]
 
 
 def carried_attitude(
@@ -245,14 +230,3 @@ def carried_attitude(
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(up.mean(axis=0))))], up)
     x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
     return np.stack([x, np.cross(up, x), up], axis=1) @ attitude
-
-
-def _forgetting_mean(values: np.ndarray, share: float, start: np.ndarray) -> Float[np.ndarray, "n 3"]:
-    """``m[k] = (1 - share) m[k - 1] + share values[k]``, by sums over pieces in which little is forgotten."""
-    means, size = np.empty_like(values), max(int(1 / share), 1)
-    for first in range(0, len(values), size):
-        piece = values[first : first + size]
-        kept = (1 - share) ** np.arange(1, len(piece) + 1)[:, None]
-        means[first : first + size] = kept * (start + share * np.cumsum(piece / kept, axis=0))
-        start = means[first + len(piece) - 1]
-    return means

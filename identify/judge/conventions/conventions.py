@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
 from identify.judge.conventions.convention_sums import FORCE, GRAVITY, MOMENT, SPECIFIC, ConventionSums
-from identify.rigid_body.rotation import exponential, exponentials
+from identify.rigid_body.rotation import exponential, exponentials, rotation_vectors
 
 COSTS = {
     "reversed": 4.0, "accelerometer reversed": 6.0, "turned": 8.0, "turned and reversed": 12.0, "left-handed IMU": 14.0,
@@ -165,32 +165,61 @@ def best_axes(sums: ConventionSums, given: Scales, *, measured: bool = True) -> 
     return [hypothesis for score, hypothesis in sorted(scored, key=lambda item: item[0]) if score < best + EQUAL]
 
 
+CONVERGED = 1e-5
+"""Step of Newton's method that is the last [rad].
+
+Numerical: far below a printed digit.
+"""
+LONGEST_STEP = 0.3
+"""Longest step of Newton's method [rad].
+
+Numerical: it stays within the region of one point of the grid.
+"""
+
+
+def nearest_minimum(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.ndarray:
+    """The rotation of least chi-square near a first one, by Newton's method, downhill where it is not convex."""
+    objective = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
+    for _ in range(15):
+        gradient, hessian = derivatives(sums.turned(imu=matrix), given)
+        values, vectors = np.linalg.eigh(hessian)
+        change = -vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(values), 1e-6 * np.abs(values).max() + 1e-12))
+        change *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(change)), 1e-12))
+        for _ in range(5):
+            candidate = exponential(change) @ matrix
+            new = float(chi_square(sums.turned(imu=candidate), given, admissible=False))
+            if new < objective:
+                break
+            change = change / 2
+        else:
+            break
+        matrix, objective = candidate, new
+        if float(np.linalg.norm(change)) < CONVERGED:
+            break
+    return matrix
+
+
 def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], float]:
     """The small rotation vector [rad] that turns the IMU's axes into the load cell's, and its chi-square (3 degrees).
 
-    By Newton's method; zero where the sums do not determine it.
+    Zero where the sums do not determine it.
     """
-    turn, hessian = np.zeros(3), np.eye(3)
-    for _ in range(4):
-        gradient, hessian = derivatives(sums, given, turn)
-        if np.linalg.eigvalsh(hessian)[0] <= 0:
-            return np.zeros(3), 0.0
-        change = np.linalg.solve(hessian, gradient)
-        turn = turn - change * min(1.0, 0.1 / float(np.linalg.norm(change)))
-    if np.linalg.norm(turn) >= LARGEST_SMALL_TURN:
-        return np.zeros(3), 0.0
+    turn = rotation_vectors(nearest_minimum(sums, given, np.eye(3))[None])[0]
     turned = sums.turned(imu=exponential(turn))
+    hessian = derivatives(turned, given)[1]
+    if np.linalg.eigvalsh(hessian)[0] <= 0 or np.linalg.norm(turn) >= LARGEST_SMALL_TURN:
+        return np.zeros(3), 0.0
     gain = float(chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False))
     return turn, min(gain, float(turn @ hessian @ turn) / 2)
 
 
 def derivatives(
-    sums: ConventionSums, given: Scales, at: np.ndarray, step: float = 2e-3
+    sums: ConventionSums, given: Scales, step: float = 2e-3
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
     """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
     unit, pairs = np.eye(3), [(i, j) for i in range(3) for j in range(i)]
     turns = np.array([np.zeros(3), *unit, *(unit[i] + unit[j] for i, j in pairs)])
-    both_ways = sums.turned(imu=exponentials(at + step * np.concatenate([turns, -turns])))
+    both_ways = sums.turned(imu=exponentials(step * np.concatenate([turns, -turns])))
     forth, back = chi_square(both_ways, given, admissible=False).reshape(2, -1)
     plus, minus, middle = forth[1:4], back[1:4], forth[0]
     single = plus + minus - 2 * middle

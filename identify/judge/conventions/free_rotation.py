@@ -17,6 +17,7 @@ from identify.judge.conventions.conventions import (
     Scales,
     chi_square,
     derivatives,
+    nearest_minimum,
     scales,
     signed_axes,
 )
@@ -31,16 +32,6 @@ STARTS = 4
 """Points of the grid from which Newton's method is tried.
 
 Numerical: the best of them is the answer.
-"""
-CONVERGED = 1e-5
-"""Step of Newton's method that is the last [rad].
-
-Numerical: far below a printed digit.
-"""
-LONGEST_STEP = 0.3
-"""Longest step of Newton's method [rad].
-
-Numerical: it stays within the region of one point of the grid.
 """
 AS_IT_IS = Hypothesis("imu", np.eye(3), 0.0)
 REVERSED = (
@@ -102,15 +93,17 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
         fits = chi_square(reverse.applied(sums).turned(imu=GRID), given).tolist()
         scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, GRID, strict=True)]
     scored.sort(key=lambda item: item[0])
-    polished = [(_polished(reverse.applied(sums), given, matrix), reverse) for _, matrix, reverse in scored[:STARTS]]
+    polished = [
+        (nearest_minimum(reverse.applied(sums), given, matrix), reverse) for _, matrix, reverse in scored[:STARTS]
+    ]
     matrix, reverse = min(
         polished, key=lambda item: float(chi_square(item[1].applied(sums).turned(imu=item[0]), given)) + item[1].cost
     )
     reversed_sums = reverse.applied(sums)
     narrow = scales(reversed_sums.turned(imu=matrix), weight=weight, terms=terms, candidates=(AS_IT_IS,))
-    matrix = _polished(reversed_sums, narrow, matrix)
+    matrix = nearest_minimum(reversed_sums, narrow, matrix)
     turned = reversed_sums.turned(imu=matrix)
-    hessian = derivatives(turned, narrow, np.zeros(3))[1]
+    hessian = derivatives(turned, narrow)[1]
     values, vectors = np.linalg.eigh(hessian)
     covariance = 2 * vectors / np.maximum(values, 1e-9) @ vectors.T
     gain = float(chi_square(sums, narrow) - chi_square(turned, narrow)) - reverse.cost
@@ -125,25 +118,3 @@ def _grid() -> Float[np.ndarray, "n 3 3"]:
 
 
 GRID = _grid()
-
-
-def _polished(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> np.ndarray:
-    """The rotation of least chi-square near a first one, by Newton's method, downhill where it is not convex."""
-    objective = float(chi_square(sums.turned(imu=matrix), given, admissible=False))
-    for _ in range(15):
-        gradient, hessian = derivatives(sums.turned(imu=matrix), given, np.zeros(3))
-        values, vectors = np.linalg.eigh(hessian)
-        change = -vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(values), 1e-6 * np.abs(values).max() + 1e-12))
-        change *= min(1.0, LONGEST_STEP / max(float(np.linalg.norm(change)), 1e-12))
-        for _ in range(5):
-            candidate = exponential(change) @ matrix
-            new = float(chi_square(sums.turned(imu=candidate), given, admissible=False))
-            if new < objective:
-                break
-            change = change / 2
-        else:
-            break
-        matrix, objective = candidate, new
-        if float(np.linalg.norm(change)) < CONVERGED:
-            break
-    return matrix

@@ -55,7 +55,9 @@ def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReadin
     least = min((*fits, sensor), key=lambda fit: fit.misfit)
     if not posed[0].explained(least):
         return []
-    scores = [posed[0].excess(fit, least) + CHANGE * each.changes for fit, each in zip(fits, readings, strict=True)]
+    scores = [
+        posed[0].excess(fit, least) + CHANGE * reading.changes for fit, reading in zip(fits, readings, strict=True)
+    ]
     turned = posed[0].excess(sensor, least) + CHANGE
     best = int(np.argmin(scores))
     if scores[0] < scores[best] + DECISIVE:

@@ -265,7 +265,7 @@ class _Examination:
         if chi_square > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
             before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
             sensor, cure = self._rotation_cure(before, exponential(turn).T)
-            vector = small_turn_text(turn, derivatives(self.sums, given, np.zeros(3))[1])
+            vector = small_turn_text(turn, derivatives(self.sums, given)[1])
             if sensor == "wrench":
                 self.sums = before.turned(wrench=exponential(turn).T)
             if self.declared.turn is None or (np.abs(turn) > 3 * self.declared.turn).any():

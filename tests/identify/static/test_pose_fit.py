@@ -8,7 +8,7 @@ from identify.exceptions import RunError
 from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import changes, creeping
-from identify.static.pose_fit import fit
+from identify.static.pose_fit import EXACT, PoseSignals, fit
 from tests.helpers.pose_lab import CASES, MASS, R_CG, coverage, directions, series, wrench_of
 
 FAST = {"limited tilt, uneven noise", "alignment, all ways"}
@@ -38,7 +38,9 @@ def test_without_declared_errors_it_is_plain_least_squares(generator):
     measured = np.hstack(wrench_of(f)) + 0.01 * generator.normal(size=(9, 6))
     design = np.vstack([np.hstack([gravity[:, None], np.eye(3)]) for gravity in f])
     plain, *_ = np.linalg.lstsq(design, measured[:, :3].reshape(-1), rcond=None)
-    np.testing.assert_allclose(fit(measured[:, :3], measured[:, 3:], f).values[:4], plain, rtol=1e-10)
+    np.testing.assert_allclose(
+        fit(PoseSignals(measured[:, :3], measured[:, 3:], f), EXACT, np.ones(9, bool)).values[:4], plain, rtol=1e-10
+    )
 
 
 def test_a_scales_mass_is_one_more_observation(generator):

@@ -150,7 +150,7 @@ def discordance(result: Identification) -> list[Table]:
     for d in found.departures:
         u = GRAM_METRE * d.standard_uncertainty
         rows.append([d.name, d.component, rounded(GRAM_METRE * d.difference, u), rounded(u, u)])
-    pools = [("with them", found.whole), *([] if found.without is None else [("without them", found.without)])]
+    pools = [("with them", found.all_runs), *([] if found.without is None else [("without them", found.without)])]
     compared = [
         row
         for name, pool in pools
