@@ -85,7 +85,7 @@ class RunFit:
 
     @cached_property
     def base(self) -> Base:
-        """What is fitted, to judge causes beside it."""
+        """The fitted unknowns, beside which causes are judged."""
         return Base(self.residuals, self.columns, self.prior.counted)
 
     @property

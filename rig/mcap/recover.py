@@ -25,7 +25,6 @@ from mcap.writer import Writer
 from rig.atomic_files import check_output, replacing
 from rig.exceptions import RigError
 from rig.mcap.records import (
-    BLOCK,
     KNOWN,
     MAGIC,
     PARSE_ERRORS,
@@ -136,8 +135,9 @@ def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.Pat
             writer.add_metadata(name, seal(name, facts))
         channels, undefined = _registered(writer, intact.definitions), 0
         budget = UnpackBudget(path, read=len(data))
-        chunks = (chunk_batch(_record(data, at), budget) for at in intact.chunks)
-        for batch in chain(chunks, _loose_batches(data, loose)):
+        records = (_record(data, at) for at in chain(intact.chunks, loose))
+        end = Record(len(data), Opcode.DATA_END, b"")
+        for batch in batches(chain(records, [end]), Definitions(), budget, path):
             for position in sorted(chain(*batch.offsets.values())):
                 message = message_at(batch.data, position)
                 if message.channel_id not in channels:
@@ -264,16 +264,6 @@ def _loose(intact: _IntactRecords, trusted: bool, result: Recovery) -> Sequence[
     if intact.loose:
         result.notes.append(f"{len(intact.loose)} messages outside chunks have no checksum of their own")
     return intact.loose
-
-
-def _loose_batches(data: mmap.mmap, positions: Sequence[int]) -> Iterator[Batch]:
-    """Yield messages outside chunks in batches of about a megabyte."""
-    together = bytearray()
-    for position in positions:
-        together += _bytes(data, position)
-        if len(together) >= BLOCK or position == positions[-1]:
-            yield walk(bytes(together))
-            together.clear()
 
 
 def _metadata(
