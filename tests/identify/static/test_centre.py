@@ -17,7 +17,6 @@ def test_exact_poses_give_the_exact_parameters(generator):
     assert found.gravity == pytest.approx(GRAVITY)
 
 
-@pytest.mark.slow
 def test_the_stated_covariance_is_that_of_repeated_experiments(generator):
     """400 draws of 12 poses: every normalised deviation has the variance of Student's t, and so has the whole.
 
