@@ -5,7 +5,7 @@ then those that the whole run gives: on common, uniform instants exactly, else b
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -128,21 +128,16 @@ class GrowingRun:
     def _part(self, channel: AnyChannel, begin: float, end: float) -> AnyChannel:
         assert self._start is not None  # noqa: S101 - of blocks
         t = 1e-9 * (self._times(channel) - self._start)
-        return _with_rows(channel, (t >= begin) & (t <= end))
-
-
-COLUMNS = ("log_time", "stamp", "force", "moment", "angular_velocity", "linear_acceleration", "sequence")
-
-
-def _with_rows(channel: AnyChannel, rows: np.ndarray) -> AnyChannel:
-    columns = {name: getattr(channel, name, None) for name in COLUMNS}
-    chosen: dict[str, Any] = {name: column[rows] for name, column in columns.items() if column is not None}
-    return replace(channel, **chosen)
+        return channel.taken((t >= begin) & (t <= end))
 
 
 def _joined(before: AnyChannel | None, after: AnyChannel) -> AnyChannel:
     if before is None:
         return after
-    names = [name for name in COLUMNS if getattr(before, name, None) is not None]
-    joined: dict[str, Any] = {name: np.concatenate([getattr(before, name), getattr(after, name)]) for name in names}
+    arrays = {field.name: getattr(before, field.name) for field in fields(before)}
+    joined: dict[str, Any] = {
+        name: np.concatenate([values, getattr(after, name)])
+        for name, values in arrays.items()
+        if isinstance(values, np.ndarray)
+    }
     return replace(before, **joined)
