@@ -3,15 +3,18 @@
 from pathlib import Path
 
 import jax
+import matplotlib
 
 from uq import Experiment
 from uq.report.figures.paper import rates, spheres
+from uq.report.figures.style import STYLE
 
 
 def draw():
     """The figure."""
     _, omega, alpha = rates(Experiment.load("barreto2016").trajectories["T1"])
-    figure = spheres(omega, alpha)
+    with matplotlib.rc_context(STYLE):
+        figure = spheres(omega, alpha)
     figure.set_size_inches(7.2, 3.2)
     for place, axes in zip((0.0, 0.5), figure.axes, strict=True):
         axes.set_position((place, 0.06, 0.46, 0.88))

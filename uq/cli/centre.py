@@ -5,9 +5,8 @@ import argparse
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
 from uq.recorded.time_window import windows_of_options
-from uq.terminal.common import ERRORS, add_window_options, finish, output_folder, start_jax
-
-__all__ = ["ERRORS", "configure", "run"]
+from uq.terminal.common import finish, output_folder, start_jax
+from uq.terminal.options import add_window_options
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -4,34 +4,19 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.files.units import UnitError, quantity
 from uq.motion_design.hexapod.design import design
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.motion_export import export_motion
 from uq.planning.pose_plan import POSES, plan_poses
-from uq.terminal.common import ERRORS, finish, output_folder, start_jax, whole_number
+from uq.terminal.common import finish, output_folder, start_jax
+from uq.terminal.options import positive_quantity, whole_number
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar
 from uq.tracking.achieved_motion import achieved
 
-__all__ = ["ERRORS", "configure", "run"]
-
-ONLY_DESIGN = (
-    "goal",
-    "objective",
-    "reference",
-    "duration",
-    "period",
-    "starts",
-    "seed",
-    "target",
-    "poses",
-    "rehearsal",
-    "rehearsal_amplitude",
-)
-"""Options that say nothing of a run that is there already."""
+OF_A_RUN = ("achieved", "trajectory", "experiment", "without", "out", "by_itself")
+"""Arguments that say something of a run that is there already; all others are of a design."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -78,9 +63,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     _check(arguments)
-    targets = [_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
+    targets = [positive_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
     given: dict[str, Any] = {
-        name: _quantity(f"--{name}", text, "s")
+        name: positive_quantity(f"--{name}", text, "s")
         for name in ("duration", "period")
         if (text := getattr(arguments, name)) is not None
     }
@@ -117,11 +102,8 @@ def _design_arm(arguments: argparse.Namespace, experiment: Experiment, given: di
     from uq.motion_design.arm.arm_design import design_arm
     from uq.motion_design.arm.arm_report import arm_report
 
-    for name in ("objective", "reference", "target", "poses", "rehearsal_amplitude"):
-        if getattr(arguments, name) is not None:
-            raise ExperimentError(
-                f"--{name.replace('_', '-')} is for a platform on six legs, not for an arm: remove it"
-            )
+    for option in _given(arguments, "objective", "reference", "target", "poses", "rehearsal_amplitude"):
+        raise ExperimentError(f"{option} is for a platform on six legs, not for an arm: remove it")
     with TerminalBar(unit="steps", lines=True) as bar:
         designed = design_arm(experiment, progress=bar, **given)
     finish(arm_report(designed, rehearsal=arguments.rehearsal, out=out), out)
@@ -129,26 +111,19 @@ def _design_arm(arguments: argparse.Namespace, experiment: Experiment, given: di
 
 def _check(arguments: argparse.Namespace) -> None:
     """Refuse options that cannot be before anything is computed."""
-    given = [name for name in ONLY_DESIGN if getattr(arguments, name) is not None]
-    if arguments.achieved is not None and given:
-        option = given[0].replace("_", "-")
-        raise ExperimentError(f"--{option} designs a motion, --achieved looks at one: leave one out")
+    of_design = _given(arguments, *(name for name in vars(arguments) if name not in OF_A_RUN))
+    if arguments.achieved is not None and of_design:
+        raise ExperimentError(f"{of_design[0]} designs a motion, --achieved looks at one: leave one out")
     if arguments.achieved is None and arguments.trajectory is not None:
         raise ExperimentError("--trajectory names the plan of a recorded run: add --achieved, or use --reference")
-    for name in ("rehearsal", "rehearsal_amplitude"):
-        fraction = getattr(arguments, name)
-        if fraction is not None and not 0 < fraction <= 1:
-            option = name.replace("_", "-")
-            raise ExperimentError(f"--{option} is {fraction:g}: give a part above 0 and at most 1")
+    for option in _given(arguments, "rehearsal", "rehearsal_amplitude"):
+        fraction = getattr(arguments, option[2:].replace("-", "_"))
+        if not 0 < fraction <= 1:
+            raise ExperimentError(f"{option} is {fraction:g}: give a part above 0 and at most 1")
     if arguments.poses is not None and arguments.poses != 0 and arguments.poses < 3:
         raise ExperimentError(f"--poses is {arguments.poses}: ask for three or more, or 0 for none")
 
 
-def _quantity(option: str, text: str, unit: str) -> float:
-    try:
-        value = quantity(text, unit)
-    except UnitError as error:
-        raise ExperimentError(f"{option} {error}") from None
-    if value <= 0:
-        raise ExperimentError(f"{option} is {quoted(text)}: give a value above zero")
-    return value
+def _given(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """Return which of these options are given."""
+    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) is not None]

@@ -12,9 +12,8 @@ from uq.identification.tare import check_tare, tare_files
 from uq.recorded.mounting import names
 from uq.recorded.time_window import windows_of_options
 from uq.report.certificate.certificate import Certificate
-from uq.terminal.common import ERRORS, add_window_options, finish, output_folder, start_jax
-
-__all__ = ["ERRORS", "configure", "run"]
+from uq.terminal.common import finish, output_folder, start_jax
+from uq.terminal.options import add_window_options
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -3,14 +3,9 @@
 import argparse
 from pathlib import Path
 
-from identify.signals.run import RunError
-from rig.exceptions import RigError
-from uq.files.document import ExperimentError
 from uq.tables.import_table import import_table
 from uq.tables.proposed_map import propose
 from uq.tables.table_map import Map
-
-ERRORS = (ExperimentError, RunError, RigError)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -4,23 +4,13 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
-from rig.exceptions import RigError
-
 if TYPE_CHECKING:
-    from rig.inspection.inspect import Inspection
     from uq.experiment.experiment import Experiment
 
 
 NO_NOISE = (
     "the experiment declares no noise: `inertia noise STILL.mcap -o sources.toml` measures it from a recording at rest"
 )
-
-
-class MistakeError(Exception):
-    """A mistake in the experiment or in how it declares the run, in one line."""
-
-
-ERRORS = (RigError, MistakeError)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     suspicious = False
     experiment = None if arguments.experiment is None else _load(arguments.experiment)
     for path in arguments.run:
-        report = inspect_run(path) if experiment is None else _inspect_as_declared(path, experiment)
+        report = inspect_run(path, experiment)
         print(json.dumps(report.to_dict()) if arguments.json else report)
         suspicious = suspicious or bool(report.findings)
     if experiment is not None and not arguments.json and not any(source.noise for source in experiment.sources):
@@ -47,24 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _load(name: str) -> "Experiment":
     """Read the experiment. Loads JAX, which plain ``inspect`` does without."""
-    from uq.terminal import common
+    from uq.terminal.common import start_jax
 
-    common.start_jax()
+    start_jax()
     from uq.experiment.experiment import Experiment
-    from uq.files.document import ExperimentError
 
-    try:
-        return Experiment.load(name)
-    except ExperimentError as error:
-        raise MistakeError(str(error)) from error
-
-
-def _inspect_as_declared(path: str, experiment: "Experiment") -> "Inspection":
-    from identify.signals.run import RunError
-    from uq.files.document import ExperimentError
-    from uq.inspection.inspect_run import inspect_run
-
-    try:
-        return inspect_run(path, experiment)
-    except (RunError, ExperimentError) as error:
-        raise MistakeError(str(error)) from error
+    return Experiment.load(name)

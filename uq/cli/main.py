@@ -16,6 +16,7 @@ from typing import NoReturn
 from identify.rounding import concise
 from rig import read_limits
 from rig.exceptions import cure, on_one_line, quoted
+from uq.files.document import MISTAKES
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.terminal.standard_streams import ShownText, shown_streams
@@ -148,7 +149,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     try:
         with interrupt.raising() if interrupt else contextlib.nullcontext(), _notation(concisely):
             return module.run(parser.parse_args(rest, argparse.Namespace(by_itself=by_itself)))
-    except module.ERRORS as error:
+    except MISTAKES as error:
         _complain(str(error))
     finally:
         if by_itself:  # Python's end would look for circles among objects that end with it (0.4 s)

@@ -9,19 +9,17 @@ from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.files.units import UnitError, quantity
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import ERRORS, GOES_ON, add_samples_options, keep, output_folder, show, start_jax, whole_number
+from uq.terminal.common import GOES_ON, keep, output_folder, show, start_jax
+from uq.terminal.options import add_samples_options, positive_quantity, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
-
-__all__ = ["ERRORS", "configure", "run"]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -145,10 +143,9 @@ def _goal(arguments: argparse.Namespace) -> Goal | None:
         return None
     if arguments.digits is not None and arguments.tolerance is not None:
         raise ExperimentError("--digits and --tolerance are given: choose one")
-    try:
-        tolerance = None if arguments.tolerance is None else quantity(arguments.tolerance, "kg*m^2")
-    except UnitError as error:
-        raise ExperimentError(f"--tolerance {error}") from None
+    tolerance = None
+    if arguments.tolerance is not None:
+        tolerance = positive_quantity("--tolerance", arguments.tolerance, "kg*m^2")
     try:
         return Goal(1 if arguments.digits is None else arguments.digits, tolerance)
     except ValueError as error:

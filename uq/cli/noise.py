@@ -7,9 +7,7 @@ from rig.exceptions import RigError, on_one_line, quoted
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text
 from uq.recorded.still_noise import still_noise
-from uq.terminal.common import ERRORS, finish, output_folder, start_jax
-
-__all__ = ["ERRORS", "configure", "run"]
+from uq.terminal.common import finish, output_folder, start_jax
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -8,12 +8,11 @@ from uq.barreto2016 import paper
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
-from uq.terminal.common import ERRORS, GOES_ON, add_samples_options, keep, output_folder, show, start_jax, whole_number
+from uq.terminal.common import GOES_ON, keep, output_folder, show, start_jax
+from uq.terminal.options import add_samples_options, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
-
-__all__ = ["ERRORS", "configure", "run"]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -4,15 +4,13 @@ import argparse
 
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.files.units import UnitError, quantity
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import GOALS
 from uq.planning.sensor_worth import BOTH
-from uq.terminal.common import ERRORS, finish, output_folder, start_jax
+from uq.terminal.common import finish, output_folder, start_jax
+from uq.terminal.options import positive_quantity
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar
-
-__all__ = ["ERRORS", "configure", "run"]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    targets = [_target(text) for text in arguments.target or ()]
+    targets = [positive_quantity("--target", text, "kg*m^2") for text in arguments.target or ()]
     goals = list(dict.fromkeys(arguments.goal or BOTH))
     if unknown := [goal for goal in goals if goal not in GOALS]:
         raise ExperimentError(f"--goal is {quoted(unknown[0])}: choose one of {', '.join(GOALS)}")
@@ -48,13 +46,3 @@ def run(arguments: argparse.Namespace) -> int:
             )  # fmt: skip
         finish(plan, out)
     return 0
-
-
-def _target(text: str) -> float:
-    try:
-        value = quantity(text, "kg*m^2")
-    except UnitError as error:
-        raise ExperimentError(f"--target {error}") from None
-    if value <= 0:
-        raise ExperimentError(f"--target is {quoted(text)}: give a value above zero")
-    return value

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identify.text_tables import text_table
-from rig.exceptions import RigError, on_one_line, quoted
+from rig.exceptions import RigError, on_one_line
 
 if TYPE_CHECKING:
     from rig.record.recorder import Progress, Summary
     from uq.live.second_process import SecondProcess
-
-ERRORS = (RigError,)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -86,15 +84,9 @@ def _target(arguments: argparse.Namespace) -> float | None:
         return None
     if arguments.identify is None:
         raise RigError("--until needs --identify E.toml, which tells the uncertainty")
-    from uq.files.units import UnitError, quantity
+    from uq.terminal.options import positive_quantity
 
-    try:
-        target = quantity(arguments.until, "kg*m^2")
-    except UnitError as error:
-        raise RigError(f"--until {error}, or in g*m^2") from None
-    if not target > 0:
-        raise RigError(f"--until is {quoted(arguments.until)}: give an uncertainty above zero")
-    return target
+    return positive_quantity("--until", arguments.until, "kg*m^2")
 
 
 def _record(arguments: argparse.Namespace, target: float | None) -> int:
@@ -178,16 +170,16 @@ def _beside(
 def _identified(path: Path, experiment: str, reached: float | None, say: Callable[[str], None]) -> bool:
     """Print what ``inertia identify`` says of the file, a target that it misses first; return whether it could."""
     from uq.experiment.experiment import Experiment
+    from uq.files.document import MISTAKES
     from uq.identification.identify_files import identify_files
     from uq.live.estimate_lines import missed
     from uq.report.certificate.certificate import Certificate
-    from uq.terminal.common import ERRORS as NOT_IDENTIFIED
     from uq.terminal.common import finish, start_jax
 
     start_jax()
     try:
         result = identify_files([str(path)], Experiment.load(experiment))
-    except NOT_IDENTIFIED as error:
+    except MISTAKES as error:
         say(f"error: {path} is recorded, but cannot be identified: {on_one_line(str(error))}")
         return False
     print()

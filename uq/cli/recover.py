@@ -2,9 +2,7 @@
 
 import argparse
 
-from rig.exceptions import RigError, on_one_line
-
-ERRORS = (RigError,)
+from rig.exceptions import on_one_line
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

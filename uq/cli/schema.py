@@ -9,7 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-ERRORS = ()
 FILES = ("experiment", "rig", "map", "body")
 RESULT = "result"
 

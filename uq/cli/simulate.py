@@ -5,9 +5,8 @@ import argparse
 from rig.exceptions import on_one_line
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.terminal.common import ERRORS, start_jax, whole_number
-
-__all__ = ["ERRORS", "configure", "run"]
+from uq.terminal.common import start_jax
+from uq.terminal.options import whole_number
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

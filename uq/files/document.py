@@ -6,12 +6,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from identify.exceptions import RunError
+from rig.exceptions import RigError
 from rig.read_limits import require_file
 from rig.toml_tables import TomlError, parse_toml
 
 
 class ExperimentError(ValueError):
     """A mistake in an experiment file, in one line: what, where, what to do."""
+
+
+MISTAKES = (ExperimentError, RunError, RigError)
+"""Errors of a user's mistake, each one line."""
 
 
 def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:

@@ -37,10 +37,8 @@ def main(arguments: list[str]) -> int:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    from identify.exceptions import RunError
-    from rig.exceptions import RigError
     from uq.files.compilation_cache import keep_compiled
-    from uq.files.document import ExperimentError
+    from uq.files.document import MISTAKES
     from uq.live.estimator import LiveEstimator
     from uq.live.viewer import Viewer
 
@@ -50,7 +48,7 @@ def main(arguments: list[str]) -> int:
         estimator = LiveEstimator(
             rig=given.rig, experiment=given.experiment, run=given.run, target=given.target, viewer=viewer
         )
-    except (ExperimentError, RunError, RigError) as error:
+    except MISTAKES as error:
         _say({"refused": str(error)})
         return 2
     except OSError as error:

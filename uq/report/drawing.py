@@ -5,10 +5,11 @@ from importlib import import_module
 from typing import Any
 
 from identify.reporting import Drawing
+from uq.report.figures.style import STYLE
 
 
 def drawing(name: str, caption: str, function: str, *arguments: Any, animation: str = "") -> Drawing:
-    """Return a figure whose module, and with it matplotlib, is imported when it is drawn.
+    """Return a figure whose module, and with it matplotlib, is imported when it is drawn: in the style of all.
 
     Args:
         name: stem of its files, unique in a result.
@@ -19,7 +20,10 @@ def drawing(name: str, caption: str, function: str, *arguments: Any, animation: 
     """
 
     def call(path: str) -> Any:
+        from matplotlib import rc_context
+
         module, _, called = path.partition(".")
-        return getattr(import_module(f"uq.report.figures.{module}"), called)(*arguments)
+        with rc_context(STYLE):
+            return getattr(import_module(f"uq.report.figures.{module}"), called)(*arguments)
 
     return Drawing(name, caption, partial(call, function), partial(call, animation) if animation else None)

@@ -1,6 +1,5 @@
-"""Functions that the commands share: float64, devices, checks of the output folder, the progress bar."""
+"""Start and end of a command: float64, devices, the output folder, the result."""
 
-import argparse
 import contextlib
 import logging
 import os
@@ -14,12 +13,10 @@ from typing import Any
 
 import jax
 
-from identify.signals.run import RunError
-from rig.exceptions import RigError, on_one_line, quoted
-from uq.experiment.experiment import ExperimentError
+from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
+from uq.files.document import ExperimentError
 
-ERRORS = (ExperimentError, RunError, RigError)
 GOES_ON = "the same command goes on from there"
 """Advice for an interrupted command that keeps its results so far."""
 TRIED = 2**20
@@ -89,26 +86,6 @@ def output_folder(text: str | None) -> Iterator[Path | None]:
         raise
 
 
-class _Limit(argparse.Action):
-    """Keeps ``--from`` and ``--to`` in the order in which they were given."""
-
-    def __call__(
-        self, parser: object, namespace: argparse.Namespace, values: object, option: str | None = None
-    ) -> None:
-        limits = [*getattr(namespace, self.dest), ((option or "").lstrip("-"), values)]
-        setattr(namespace, self.dest, limits)
-
-
-def add_window_options(parser: argparse.ArgumentParser, without: str = "the segments that move are found") -> None:
-    """Add ``--from`` and ``--to``, repeatable; :mod:`uq.recorded.time_window` reads ``limits``."""
-    for option, what in (("--from", "start"), ("--to", "end")):
-        parser.add_argument(
-            option, dest="limits", action=_Limit, default=(), metavar="S",
-            help=f"{what} of a part of the run that counts: seconds from the run's start, or a mark's name; "
-            f"repeatable (without it, {without})",
-        )  # fmt: skip
-
-
 def finish(result: Any, out: Path | None, *more: Any) -> None:
     """Write the files of results, if there is a folder for them, and print them."""
     keep(out, result, *more)
@@ -135,25 +112,3 @@ def show(out: Path | None, result: Any, *more: Any) -> None:
     if out is not None:
         name = getattr(result, "file_name", "result.json")
         print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
-
-
-def add_samples_options(parser: argparse.ArgumentParser, ways: argparse._ActionsContainer | None = None) -> None:
-    """Add the options of a campaign by samples; ``ways`` is the group of the ways to draw, where there are others."""
-    (ways or parser).add_argument(
-        "--samples", action="store_true", help="draw every sample of every trial: slow, the reference"
-    )
-    parser.add_argument(
-        "--dtype", choices=("float64", "float32"), default="float64",
-        help="precision of the samples that are drawn (float64)",
-    )  # fmt: skip
-
-
-def whole_number(text: str) -> int:
-    """Parse a whole number, for argparse."""
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{quoted(text)} is not a whole number") from None
-    if abs(number) >= 2**32:
-        raise argparse.ArgumentTypeError(f"{text} is out of range")
-    return number

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rig.exceptions import on_one_line, quoted
-from uq.experiment.experiment import ExperimentError
-from uq.terminal.common import ERRORS, whole_number
+from uq.files.document import MISTAKES, ExperimentError
+from uq.terminal.options import whole_number
 from uq.trials import distributed as cluster
 from uq.trials.watchdog import LOST
 
@@ -74,7 +74,7 @@ def _end(error: BaseException) -> None:
         line, status = "error: interrupted; the same command goes on from what is kept in --out", 130
     elif isinstance(error, cluster.LostProcess):
         line, status = f"error: {error}", LOST
-    elif isinstance(error, (*ERRORS, OSError)):
+    elif isinstance(error, (*MISTAKES, OSError)):
         line, status = f"error: {error}", 2
     else:
         sys.excepthook(type(error), error, error.__traceback__)

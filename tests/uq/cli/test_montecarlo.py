@@ -147,7 +147,7 @@ def test_a_body_whose_name_is_no_folder(tmp_path):
         (("--adaptive", "--trials", "100"), "100 trials: an adaptive campaign needs 4000 or more"),
         (("--adaptive", "--tolerance", "0.05"), "--tolerance is '0.05': write a number, a space and a unit"),
         (("--adaptive", "--tolerance", "0.05 kg"), "write a unit of the same dimension as kg*m^2"),
-        (("--adaptive", "--tolerance=-1 g*m^2"), "`tolerance` must be above zero"),
+        (("--adaptive", "--tolerance=-1 g*m^2"), "--tolerance is '-1 g*m^2': give a value above zero"),
         (("--adaptive", "--tolerance", "1 g*m^2", "--digits", "1"), "choose one"),
         (("--trajectory", "T9"), "unknown trajectory 'T9'"),
         (("--quasi-random", "--trials", "100"), "quasi-random trials are on sums, not adaptive, and 128 or more"),

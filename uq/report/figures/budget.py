@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -12,7 +11,6 @@ from uq.report.figures.style import (
     GRID,
     PAGE,
     PALETTE,
-    STYLE,
     coloured_parts,
     columns,
     label,
@@ -33,19 +31,18 @@ def shares(b: SourceBudget) -> FigureBase:
     Args:
         b: the budget of one estimator on one trajectory.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 4.2, layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(3, 2), height_ratios=(5, 2))
-        top, bottom = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
-        _stacks(top, b)
-        _split(bottom, b)
-        right = figure.add_subplot(grid[:, 1])
-        _tensor(right, b)
-        figure.align_ylabels([top, bottom])
-        handles, names = (
-            [*a, *b] for a, b in zip(*(axes.get_legend_handles_labels() for axes in (bottom, right)), strict=True)
-        )
-        figure.legend(handles, names, loc="outside lower center", ncols=5)
+    figure = new_figure(PAGE, 4.2, layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(3, 2), height_ratios=(5, 2))
+    top, bottom = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
+    _stacks(top, b)
+    _split(bottom, b)
+    right = figure.add_subplot(grid[:, 1])
+    _tensor(right, b)
+    figure.align_ylabels([top, bottom])
+    handles, names = (
+        [*a, *b] for a, b in zip(*(axes.get_legend_handles_labels() for axes in (bottom, right)), strict=True)
+    )
+    figure.legend(handles, names, loc="outside lower center", ncols=5)
     return figure
 
 
@@ -110,26 +107,23 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
 def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     """Draw the whole tensor of every trajectory and estimator: Shapley shares, and how much of the error is bias."""
     pairs = list(budgets)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 1.2 + 0.24 * len(pairs), layout="constrained")
-        left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-        base = np.zeros(len(pairs))
-        shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
-        for name, colour, width in coloured_parts(budgets[pairs[0]].sources.players, shares_of):
-            left.barh(
-                range(len(pairs)), width, 0.7, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name
-            )
-            base = base + width
-        bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
-        right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
-        right.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
-        left.set_yticks(range(len(pairs)), [label(", ".join(pair)) for pair in pairs])
-        left.invert_yaxis()
-        left.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
-        right.set(xlim=(0, 100), xlabel="share of the mean square [%]")
-        for axes in (left, right):
-            axes.tick_params(axis="y", left=False)
-        handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-        labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns(labels, PAGE))
+    figure = new_figure(PAGE, 1.2 + 0.24 * len(pairs), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+    base = np.zeros(len(pairs))
+    shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
+    for name, colour, width in coloured_parts(budgets[pairs[0]].sources.players, shares_of):
+        left.barh(range(len(pairs)), width, 0.7, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
+        base = base + width
+    bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
+    right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
+    right.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
+    left.set_yticks(range(len(pairs)), [label(", ".join(pair)) for pair in pairs])
+    left.invert_yaxis()
+    left.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
+    right.set(xlim=(0, 100), xlabel="share of the mean square [%]")
+    for axes in (left, right):
+        axes.tick_params(axis="y", left=False)
+    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
+    labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns(labels, PAGE))
     return figure

@@ -6,7 +6,6 @@ A dispersion never stands alone: the mean error has its own panel, on its own sc
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -23,7 +22,6 @@ from uq.report.figures.style import (
     PAGE,
     PALETTE,
     RULE,
-    STYLE,
     columns,
     display_name,
     label,
@@ -55,26 +53,25 @@ def contributions(cases: Mapping[str, OfCase], groups: Collection[str] = ()) -> 
     """
     if len(cases) > BESIDE:
         return _line_by_line(cases, groups)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE if len(cases) > 4 else COLUMN, 3.6, layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        width = 0.84 / max(len(cases), 1)
-        x = np.arange(len(COMPONENTS)) + (np.arange(len(cases))[:, None] - (len(cases) - 1) / 2) * width
-        sigma, sigma_error, mean, mean_error = _in_gram_metre(cases.values())
-        for name, colour, place, heights in zip(cases, PALETTE, x, sigma, strict=False):
-            top.bar(place, heights, 0.92 * width, color=colour, label=label(display_name(name)), linewidth=0)
-        top.errorbar(x.ravel(), sigma.ravel(), sigma_error.ravel(), **ERROR_BAR)
-        colours = np.repeat(PALETTE[: len(cases)], len(COMPONENTS))
-        bottom.vlines(x, mean - mean_error, mean + mean_error, colours, linewidth=0.7)
-        bottom.scatter(x, mean, MARKER, colours, zorder=3)
-        finish_dispersion(top)
-        _finish_mean_error(bottom, cases)
-        bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
-        edges = np.arange(len(COMPONENTS) - 1) + 0.5
-        bottom.vlines(edges, 0, 1, GRID, linewidth=0.5, zorder=0, transform=bottom.get_xaxis_transform())
-        number = columns(list(map(display_name, cases)), width_of(figure))
-        figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=number)
-        figure.align_ylabels()
+    figure = new_figure(PAGE if len(cases) > 4 else COLUMN, 3.6, layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    width = 0.84 / max(len(cases), 1)
+    x = np.arange(len(COMPONENTS)) + (np.arange(len(cases))[:, None] - (len(cases) - 1) / 2) * width
+    sigma, sigma_error, mean, mean_error = _in_gram_metre(cases.values())
+    for name, colour, place, heights in zip(cases, PALETTE, x, sigma, strict=False):
+        top.bar(place, heights, 0.92 * width, color=colour, label=label(display_name(name)), linewidth=0)
+    top.errorbar(x.ravel(), sigma.ravel(), sigma_error.ravel(), **ERROR_BAR)
+    colours = np.repeat(PALETTE[: len(cases)], len(COMPONENTS))
+    bottom.vlines(x, mean - mean_error, mean + mean_error, colours, linewidth=0.7)
+    bottom.scatter(x, mean, MARKER, colours, zorder=3)
+    finish_dispersion(top)
+    _finish_mean_error(bottom, cases)
+    bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
+    edges = np.arange(len(COMPONENTS) - 1) + 0.5
+    bottom.vlines(edges, 0, 1, GRID, linewidth=0.5, zorder=0, transform=bottom.get_xaxis_transform())
+    number = columns(list(map(display_name, cases)), width_of(figure))
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=number)
+    figure.align_ylabels()
     return figure
 
 
@@ -94,25 +91,24 @@ def _line_by_line(cases: Mapping[str, OfCase], groups: Collection[str]) -> Figur
     highest = np.nanmax(sigma, initial=0)
     beyond = np.nanmax(np.abs(mean), initial=0) > highest
     y = np.arange(len(names))[:, None]
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 1.2 + 0.24 * len(names), layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharey=True)
-        place = _columns(top, [sigma + sigma_error], (0.0, 0.05))
-        for k, (start, end) in enumerate(zip(place(0 * sigma), place(sigma), strict=True)):
-            top.broken_barh(list(zip(start, end - start, strict=True)), (k - 0.35, 0.7), facecolor=colours[k])
-        top.hlines(y + 0 * sigma, place(sigma - sigma_error), place(sigma + sigma_error), color="black", linewidth=0.8)
-        for k, name in enumerate(COMPONENTS):
-            top.text(k + WIDTH / 2, 1.05, name, ha="center", transform=top.get_xaxis_transform())
-        ends = mean - mean_error, mean + mean_error
-        decade = 10.0 ** np.floor(np.log10(highest or 1))
-        place = _columns(bottom, ends, (0.15, 0.15), decade if beyond else np.inf)
-        bottom.vlines(place(0), 0, 1, color=RULE, linewidth=0.6, transform=bottom.get_xaxis_transform())
-        bottom.hlines(y + 0 * mean, *map(place, ends), color="black", linewidth=0.8)
-        bottom.scatter(place(mean), y + 0 * mean, MARKER, np.repeat(colours, len(COMPONENTS)), zorder=3)
-        top.set_yticks(y[:, 0], [label(display_name(name)) for name in names])
-        top.set_ylim(len(names) - 0.5, -0.5)
-        top.set_xlabel("3σ [g·m²]")
-        bottom.set_xlabel("mean error [g·m²]" + (f", logarithmic beyond ±{decade:g}" if beyond else ""))
+    figure = new_figure(PAGE, 1.2 + 0.24 * len(names), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharey=True)
+    place = _columns(top, [sigma + sigma_error], (0.0, 0.05))
+    for k, (start, end) in enumerate(zip(place(0 * sigma), place(sigma), strict=True)):
+        top.broken_barh(list(zip(start, end - start, strict=True)), (k - 0.35, 0.7), facecolor=colours[k])
+    top.hlines(y + 0 * sigma, place(sigma - sigma_error), place(sigma + sigma_error), color="black", linewidth=0.8)
+    for k, name in enumerate(COMPONENTS):
+        top.text(k + WIDTH / 2, 1.05, name, ha="center", transform=top.get_xaxis_transform())
+    ends = mean - mean_error, mean + mean_error
+    decade = 10.0 ** np.floor(np.log10(highest or 1))
+    place = _columns(bottom, ends, (0.15, 0.15), decade if beyond else np.inf)
+    bottom.vlines(place(0), 0, 1, color=RULE, linewidth=0.6, transform=bottom.get_xaxis_transform())
+    bottom.hlines(y + 0 * mean, *map(place, ends), color="black", linewidth=0.8)
+    bottom.scatter(place(mean), y + 0 * mean, MARKER, np.repeat(colours, len(COMPONENTS)), zorder=3)
+    top.set_yticks(y[:, 0], [label(display_name(name)) for name in names])
+    top.set_ylim(len(names) - 0.5, -0.5)
+    top.set_xlabel("3σ [g·m²]")
+    bottom.set_xlabel("mean error [g·m²]" + (f", logarithmic beyond ±{decade:g}" if beyond else ""))
     return figure
 
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from itertools import cycle
 from typing import Any
 
-import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import FigureBase
@@ -15,7 +14,7 @@ from uq.campaign.statistics import Breakdown
 from uq.motion_design.arm.arm_design import ArmDesign
 from uq.planning.required_duration import average
 from uq.propagation.law_result import LawStatistics
-from uq.report.figures.style import MOST, PAGE, PALETTE, STYLE, columns, display_name, label, new_figure
+from uq.report.figures.style import MOST, PAGE, PALETTE, columns, display_name, label, new_figure
 
 LEG_COLOURS = PALETTE[:6]
 SHOWN = 12.0
@@ -32,16 +31,15 @@ def over_time(
         rows: values by what stands at their panel, a column a channel.
         colours: of the channels, by the name of the axis or joint.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 4.2, layout="constrained")
-        panels = figure.subplots(len(rows), 1, sharex=True)
-        for panel, (quantity, values) in zip(panels, rows.items(), strict=True):
-            for channel, (name, colour) in zip(values.T, colours.items(), strict=True):
-                panel.plot(t, channel, color=colour, label=label(name))
-            panel.set_ylabel(quantity)
-        panels[0].legend(ncols=min(len(colours), 6), loc="lower right", bbox_to_anchor=(1, 0.98))
-        panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
-        figure.align_ylabels(panels)
+    figure = new_figure(PAGE, 4.2, layout="constrained")
+    panels = figure.subplots(len(rows), 1, sharex=True)
+    for panel, (quantity, values) in zip(panels, rows.items(), strict=True):
+        for channel, (name, colour) in zip(values.T, colours.items(), strict=True):
+            panel.plot(t, channel, color=colour, label=label(name))
+        panel.set_ylabel(quantity)
+    panels[0].legend(ncols=min(len(colours), 6), loc="lower right", bbox_to_anchor=(1, 0.98))
+    panels[-1].set(xlabel="time [s]", xlim=(t[0], t[-1]))
+    figure.align_ylabels(panels)
     return figure
 
 
@@ -66,20 +64,19 @@ def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> FigureBas
         limits: of the rig; a length counts from the middle of its range.
     """
     used = shares(asked, limits)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 4.4, layout="constrained")
-        panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-        for panel, name in zip(panels, ("length", "speed", "acceleration", "force"), strict=True):
-            for k, share in enumerate(np.asarray(used[name]).T):
-                panel.plot(t, 100 * share, color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
-            for end in (-100, 100):
-                panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
-            panel.set(title="length, from the middle" if name == "length" else name, xlim=(t[0], t[-1]))
-        for panel in panels[::2]:
-            panel.set_ylabel("part of the limit [%]")
-        for panel in panels[2:]:
-            panel.set_xlabel("time [s]")
-        figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
+    figure = new_figure(PAGE, 4.4, layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    for panel, name in zip(panels, ("length", "speed", "acceleration", "force"), strict=True):
+        for k, share in enumerate(np.asarray(used[name]).T):
+            panel.plot(t, 100 * share, color=LEG_COLOURS[k], linewidth=0.6, label=f"leg {k + 1}")
+        for end in (-100, 100):
+            panel.axhline(end, color=PALETTE[6], linestyle="--", linewidth=0.8)
+        panel.set(title="length, from the middle" if name == "length" else name, xlim=(t[0], t[-1]))
+    for panel in panels[::2]:
+        panel.set_ylabel("part of the limit [%]")
+    for panel in panels[2:]:
+        panel.set_xlabel("time [s]")
+    figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
     return figure
 
 
@@ -98,22 +95,21 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
     sources = sorted(widths, key=lambda name: -widths[name])[:MOST]
     names = ["total", *sources]
     width = 0.8 / len(laws)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 2.9, layout="constrained")
-        panels = figure.subplots(1, 2)
-        for panel, goal in zip(panels, ("moments", "products"), strict=True):
-            for k, (trajectory, law) in enumerate(laws.items()):
-                cases = [law.total, *(law.sources[name] for name in sources)]
-                values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
-                at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
-                panel.bar(at, values, width, color=PALETTE[1:][k % 7], label=label(trajectory))
-            least = bound.get(goal)
-            if least is not None:
-                panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
-            texts = [label(display_name(name)) for name in names]
-            panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
-            panel.set_title(goal)
-        panels[0].set_ylabel("average 3σ [g·m²]")
-        number = columns(["bound", *laws], PAGE)
-        figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=number)
+    figure = new_figure(PAGE, 2.9, layout="constrained")
+    panels = figure.subplots(1, 2)
+    for panel, goal in zip(panels, ("moments", "products"), strict=True):
+        for k, (trajectory, law) in enumerate(laws.items()):
+            cases = [law.total, *(law.sources[name] for name in sources)]
+            values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
+            at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
+            panel.bar(at, values, width, color=PALETTE[1:][k % 7], label=label(trajectory))
+        least = bound.get(goal)
+        if least is not None:
+            panel.plot([-0.5, 0.5], [GRAM_METRE * least] * 2, color=PALETTE[0], linestyle="--", label="bound")
+        texts = [label(display_name(name)) for name in names]
+        panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
+        panel.set_title(goal)
+    panels[0].set_ylabel("average 3σ [g·m²]")
+    number = columns(["bound", *laws], PAGE)
+    figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=number)
     return figure

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import ScalarFormatter, StrMethodFormatter
 
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.planning.required_duration import Growth, average
-from uq.report.figures.style import PAGE, PALETTE, RULE, STYLE, display_name, label, new_figure
+from uq.report.figures.style import PAGE, PALETTE, RULE, display_name, label, new_figure
 
 
 def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> FigureBase:
@@ -23,29 +22,28 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
         max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
     )
     variances = growth.at(t)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 2.9, layout="constrained")
-        goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
-        panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
-        curves = {goal: GRAM_METRE * average(variances.transpose(1, 0, 2), goal) for goal in goals}
-        totals = {goal: GRAM_METRE * average(variances.sum(axis=1), goal) for goal in goals}
-        bottom = 2e-3 * max(total.max() for total in totals.values())
-        shown = [k for k in range(len(growth.names)) if max(curve[k].max() for curve in curves.values()) > bottom]
-        for panel, goal in zip(panels, goals, strict=True):
-            panel.plot(t, totals[goal], color="black", linewidth=1.6, label="total")
-            for place, k in enumerate(shown):
-                colour, dashes = PALETTE[1:7][place % 6], ("-", "--", ":")[place // 6 % 3]
-                text = label(display_name(growth.names[k]))
-                panel.plot(t, curves[goal][k], color=colour, linestyle=dashes, label=text)
-            for target in asked.get(goal, ()):
-                panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
-            panel.axvline(growth.duration, color=RULE, linewidth=0.8)
-            panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
-            panel.xaxis.set_major_formatter(ScalarFormatter())
-            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        panels[0].set_ylim(bottom=bottom)
-        panels[0].set_ylabel("average 3σ [g·m²]")
-        panels[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
+    figure = new_figure(PAGE, 2.9, layout="constrained")
+    goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
+    panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
+    curves = {goal: GRAM_METRE * average(variances.transpose(1, 0, 2), goal) for goal in goals}
+    totals = {goal: GRAM_METRE * average(variances.sum(axis=1), goal) for goal in goals}
+    bottom = 2e-3 * max(total.max() for total in totals.values())
+    shown = [k for k in range(len(growth.names)) if max(curve[k].max() for curve in curves.values()) > bottom]
+    for panel, goal in zip(panels, goals, strict=True):
+        panel.plot(t, totals[goal], color="black", linewidth=1.6, label="total")
+        for place, k in enumerate(shown):
+            colour, dashes = PALETTE[1:7][place % 6], ("-", "--", ":")[place // 6 % 3]
+            text = label(display_name(growth.names[k]))
+            panel.plot(t, curves[goal][k], color=colour, linestyle=dashes, label=text)
+        for target in asked.get(goal, ()):
+            panel.axhline(GRAM_METRE * target, color=PALETTE[0], linestyle=":", linewidth=0.8)
+        panel.axvline(growth.duration, color=RULE, linewidth=0.8)
+        panel.set(xscale="log", yscale="log", xlabel="duration [s]", title=goal, xlim=(t[0], t[-1]))
+        panel.xaxis.set_major_formatter(ScalarFormatter())
+        panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panels[0].set_ylim(bottom=bottom)
+    panels[0].set_ylabel("average 3σ [g·m²]")
+    panels[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return figure
 
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from identify.results.held_out_run import FORCE, HeldOutRun
-from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, STYLE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, new_figure
 
 
 def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:
@@ -19,22 +18,21 @@ def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:
         ratios: of each row, the largest error over what is expected of all runs.
     """
     quantities = range(len(run.names) // 3)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 0.5 + 1.9 * len(quantities), layout="constrained")
-        ratio = [3, 1.3] * len(quantities)
-        panels = figure.subplots(2 * len(quantities), 4, squeeze=False, height_ratios=ratio, width_ratios=(3, 3, 3, 2))
-        for q in quantities:
-            for k in range(3):
-                _axis(panels[2 * q, k], panels[2 * q + 1, k], run, 3 * q + k)
-            _bars(panels[2 * q, 3], run, 3 * q, ratios)
-            panels[2 * q + 1, 3].set_axis_off()
-            unit = "N" if run.names[3 * q] in FORCE else "N·m"
-            panels[2 * q, 0].set_ylabel(f"{'force' if unit == 'N' else 'moment'} [{unit}]")
-            panels[2 * q + 1, 0].set_ylabel("error")
-        for axes in panels[-1, :3]:
-            axes.set_xlabel("time [s]")
-        figure.align_ylabels(panels[:, 0])
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure = new_figure(PAGE, 0.5 + 1.9 * len(quantities), layout="constrained")
+    ratio = [3, 1.3] * len(quantities)
+    panels = figure.subplots(2 * len(quantities), 4, squeeze=False, height_ratios=ratio, width_ratios=(3, 3, 3, 2))
+    for q in quantities:
+        for k in range(3):
+            _axis(panels[2 * q, k], panels[2 * q + 1, k], run, 3 * q + k)
+        _bars(panels[2 * q, 3], run, 3 * q, ratios)
+        panels[2 * q + 1, 3].set_axis_off()
+        unit = "N" if run.names[3 * q] in FORCE else "N·m"
+        panels[2 * q, 0].set_ylabel(f"{'force' if unit == 'N' else 'moment'} [{unit}]")
+        panels[2 * q + 1, 0].set_ylabel("error")
+    for axes in panels[-1, :3]:
+        axes.set_xlabel("time [s]")
+    figure.align_ylabels(panels[:, 0])
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -15,7 +14,6 @@ from identify.sums.residual_trace import Trace
 from uq.report.figures.style import (
     PAGE,
     PALETTE,
-    STYLE,
     coloured_parts,
     columns,
     label,
@@ -34,25 +32,24 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
     """
     variances = np.nan_to_num([np.square(values) for values in parts.values()], posinf=0.0)
     total = variances.sum(axis=0)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 2.4, layout="constrained")
-        axes = figure.subplots()
-        base = np.zeros(len(COMPONENTS))
-        stacks = coloured_parts(list(parts), 100 * variances / np.maximum(total, 1e-300))
-        for name, colour, width in stacks:
-            axes.barh(range(6), width, 0.72, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
-            base = base + width
-        for k, value in enumerate(GRAM_METRE * standard_uncertainty):
-            axes.annotate(
-                f"u = {fixed(value, decimals(value))} g·m²", (100, k), (4, 0), textcoords="offset points", va="center"
-            )
-        axes.set_yticks(range(6), COMPONENTS)
-        axes.invert_yaxis()
-        axes.set(xlim=(0, 100), xlabel="share of the variance [%]")
-        axes.tick_params(axis="y", length=0)
-        figure.legend(
-            *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns([s[0] for s in stacks], PAGE)
+    figure = new_figure(PAGE, 2.4, layout="constrained")
+    axes = figure.subplots()
+    base = np.zeros(len(COMPONENTS))
+    stacks = coloured_parts(list(parts), 100 * variances / np.maximum(total, 1e-300))
+    for name, colour, width in stacks:
+        axes.barh(range(6), width, 0.72, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
+        base = base + width
+    for k, value in enumerate(GRAM_METRE * standard_uncertainty):
+        axes.annotate(
+            f"u = {fixed(value, decimals(value))} g·m²", (100, k), (4, 0), textcoords="offset points", va="center"
         )
+    axes.set_yticks(range(6), COMPONENTS)
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 100), xlabel="share of the variance [%]")
+    axes.tick_params(axis="y", length=0)
+    figure.legend(
+        *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns([s[0] for s in stacks], PAGE)
+    )
     return figure
 
 
@@ -62,17 +59,16 @@ def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
     Args:
         runs: one or more that kept their residuals.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 0.6 + 1.25 * len(runs), layout="constrained")
-        panels = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 2))
-        for (left, right), run in zip(panels, runs, strict=True):
-            assert run.trace is not None  # noqa: S101
-            _in_time(left, run.trace)
-            _in_frequency(right, run.trace)
-            left.set_title(label(run.file), loc="left")
-        panels[-1, 0].set_xlabel("time from the run's start [s]")
-        panels[-1, 1].set_xlabel("frequency [Hz]")
-        figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure = new_figure(PAGE, 0.6 + 1.25 * len(runs), layout="constrained")
+    panels = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 2))
+    for (left, right), run in zip(panels, runs, strict=True):
+        assert run.trace is not None  # noqa: S101
+        _in_time(left, run.trace)
+        _in_frequency(right, run.trace)
+        left.set_title(label(run.file), loc="left")
+    panels[-1, 0].set_xlabel("time from the run's start [s]")
+    panels[-1, 1].set_xlabel("frequency [Hz]")
+    figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -120,27 +116,26 @@ def estimates(
     """
     runs = [run for run in runs if run.alone]
     beyond = 10 * float(np.abs(inertia).max())
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 3.6, layout="constrained")
-        for k, axes in enumerate(figure.subplots(2, 3).flat):
-            # an end that nothing bounds lies beyond the axis
-            low, high = GRAM_METRE * np.nan_to_num(interval95[k], posinf=beyond, neginf=-beyond)
-            axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
-            axes.axhline(GRAM_METRE * inertia[k], color=PALETTE[1])
-            values = [GRAM_METRE * (run.inertia - taken_off)[k] for run in runs]
-            bars = [GRAM_METRE * 1.96 * run.standard_uncertainty[k] for run in runs]
-            axes.errorbar(range(1, len(runs) + 1), values, bars, fmt="o", markersize=2.6, color=PALETTE[0],
-                          elinewidth=0.7, capsize=1.4, label="each run, ±1.96 u")  # fmt: skip
-            axes.set_ylabel(f"{COMPONENTS[k]} [g·m²]")
-            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
-            axes.set_xlim(0.4, len(runs) + 0.6)
-            axes.ticklabel_format(useOffset=False)
-            if np.isinf(interval95[k]).any():
-                axes.set_ylim(*np.clip(axes.get_ylim(), -0.3 * GRAM_METRE * beyond, 0.3 * GRAM_METRE * beyond))
-            if k > 2:
-                axes.set_xlabel("run")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-        figure.align_ylabels()
+    figure = new_figure(PAGE, 3.6, layout="constrained")
+    for k, axes in enumerate(figure.subplots(2, 3).flat):
+        # an end that nothing bounds lies beyond the axis
+        low, high = GRAM_METRE * np.nan_to_num(interval95[k], posinf=beyond, neginf=-beyond)
+        axes.axhspan(low, high, color=PALETTE[1], alpha=0.18, linewidth=0, label="all runs, 95 %")
+        axes.axhline(GRAM_METRE * inertia[k], color=PALETTE[1])
+        values = [GRAM_METRE * (run.inertia - taken_off)[k] for run in runs]
+        bars = [GRAM_METRE * 1.96 * run.standard_uncertainty[k] for run in runs]
+        axes.errorbar(range(1, len(runs) + 1), values, bars, fmt="o", markersize=2.6, color=PALETTE[0],
+                      elinewidth=0.7, capsize=1.4, label="each run, ±1.96 u")  # fmt: skip
+        axes.set_ylabel(f"{COMPONENTS[k]} [g·m²]")
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
+        axes.set_xlim(0.4, len(runs) + 0.6)
+        axes.ticklabel_format(useOffset=False)
+        if np.isinf(interval95[k]).any():
+            axes.set_ylim(*np.clip(axes.get_ylim(), -0.3 * GRAM_METRE * beyond, 0.3 * GRAM_METRE * beyond))
+        if k > 2:
+            axes.set_xlabel("run")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    figure.align_ylabels()
     return figure
 
 
@@ -151,18 +146,17 @@ def parts(runs: Sequence[RunEstimate]) -> FigureBase:
         runs: those of which parts were named or found are drawn.
     """
     runs = [run for run in runs if run.overview is not None][:6]
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 0.8 + 0.85 * max(len(runs), 1), layout="constrained")
-        handles = {}
-        for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
-            t, speed = np.asarray(run.overview).T
-            axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
-            for start, stop in run.segments:
-                name = f"the part that counts, {'found where it moves' if run.detected else 'named'}"
-                handles[name] = axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0)
-            axes.set_ylabel("|ω| [rad/s]")
-            axes.set_title(label(run.file), loc="left")
-            axes.set_xlim(t[0], t[-1])
-        axes.set_xlabel("time from the run's start [s]")
-        figure.legend(handles.values(), handles, loc="outside upper center", ncols=2)
+    figure = new_figure(PAGE, 0.8 + 0.85 * max(len(runs), 1), layout="constrained")
+    handles = {}
+    for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
+        t, speed = np.asarray(run.overview).T
+        axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
+        for start, stop in run.segments:
+            name = f"the part that counts, {'found where it moves' if run.detected else 'named'}"
+            handles[name] = axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0)
+        axes.set_ylabel("|ω| [rad/s]")
+        axes.set_title(label(run.file), loc="left")
+        axes.set_xlim(t[0], t[-1])
+    axes.set_xlabel("time from the run's start [s]")
+    figure.legend(handles.values(), handles, loc="outside upper center", ncols=2)
     return figure

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import FigureBase
 
 from uq.recorded.still_noise import TARGETS, ChannelNoise
-from uq.report.figures.style import AXIS_COLOURS, PAGE, STYLE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, PAGE, new_figure
 
 TITLES = {"F": "force [N]", "M": "moment [N·m]", "omega": "angular velocity [rad/s]", "f": "specific force [m/s²]"}
 
@@ -19,16 +18,15 @@ def allan_deviations(channels: Sequence[ChannelNoise]) -> FigureBase:
         channels: axes of signals, in any order.
     """
     targets = [quantity for quantity in TARGETS if any(channel.quantity == quantity for channel in channels)]
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 2.6 * -(-len(targets) // 2), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(-(-len(targets) // 2), min(len(targets), 2))).flat
-        for panel, quantity in zip(panels, targets, strict=False):
-            for channel in channels:
-                if channel.quantity == quantity:
-                    colour, tau = AXIS_COLOURS[channel.axis], channel.tau
-                    fit = channel.noise.allan_deviation(tau)
-                    panel.plot(tau, channel.deviation, "o", color=colour, markersize=2, label=f"b{channel.axis + 1}")
-                    panel.plot(tau, fit, color=colour)
-            panel.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel=TITLES[quantity])
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure = new_figure(PAGE, 2.6 * -(-len(targets) // 2), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(-(-len(targets) // 2), min(len(targets), 2))).flat
+    for panel, quantity in zip(panels, targets, strict=False):
+        for channel in channels:
+            if channel.quantity == quantity:
+                colour, tau = AXIS_COLOURS[channel.axis], channel.tau
+                fit = channel.noise.allan_deviation(tau)
+                panel.plot(tau, channel.deviation, "o", color=colour, markersize=2, label=f"b{channel.axis + 1}")
+                panel.plot(tau, fit, color=colour)
+        panel.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel=TITLES[quantity])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure

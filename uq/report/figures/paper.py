@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -17,7 +16,7 @@ from uq.campaign.averages import average
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
 from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
-from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, STYLE, label, new_figure
+from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, new_figure
 
 AXES = ("b1", "b2", "b3")
 POINTS = 8000
@@ -31,10 +30,9 @@ def spheres(omega: np.ndarray, alpha: np.ndarray) -> FigureBase:
         omega: angular velocity in B, component first, (3, n) [rad/s].
         alpha: angular acceleration in B, (3, n) [rad/s²].
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(COLUMN, 5.8)
-        _path(figure, (0.0, 0.55, 0.94, 0.43), np.asarray(omega), "(a) angular velocity", "ω{} [rad/s]")
-        _path(figure, (0.0, 0.055, 0.94, 0.43), np.asarray(alpha), "(b) angular acceleration", "α{} [rad/s²]")
+    figure = new_figure(COLUMN, 5.8)
+    _path(figure, (0.0, 0.55, 0.94, 0.43), np.asarray(omega), "(a) angular velocity", "ω{} [rad/s]")
+    _path(figure, (0.0, 0.055, 0.94, 0.43), np.asarray(alpha), "(b) angular acceleration", "α{} [rad/s²]")
     return figure
 
 
@@ -71,17 +69,16 @@ def angular_velocity(t: np.ndarray, omega: np.ndarray) -> FigureBase:
         t: instants [s], (n,).
         omega: angular velocity in B, component first, (3, n) [rad/s].
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(COLUMN, 2.9, layout="constrained")
-        panels = figure.subplots(3, 1, sharex=True, sharey=True)
-        for number, (axes, values) in enumerate(zip(panels, np.asarray(omega), strict=True), 1):
-            axes.axhline(0, color=RULE, linewidth=0.5)
-            axes.plot(t, values, color=PALETTE[1], linewidth=0.4)
-            axes.set_ylabel(f"ω{number} [rad/s]")
-            axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 4, 5, 10], symmetric=True))
-        panels[-1].set_xlabel("time [s]")
-        panels[-1].set_xlim(t[0], t[-1])
-        figure.align_ylabels(panels)
+    figure = new_figure(COLUMN, 2.9, layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True, sharey=True)
+    for number, (axes, values) in enumerate(zip(panels, np.asarray(omega), strict=True), 1):
+        axes.axhline(0, color=RULE, linewidth=0.5)
+        axes.plot(t, values, color=PALETTE[1], linewidth=0.4)
+        axes.set_ylabel(f"ω{number} [rad/s]")
+        axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 4, 5, 10], symmetric=True))
+    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlim(t[0], t[-1])
+    figure.align_ylabels(panels)
     return figure
 
 
@@ -127,26 +124,23 @@ def averages(
         printed: the paper's values in g·m², by row (``"3σ moments"``, ``"3σ products"``) and trajectory.
     """
     names = list(result.breakdowns)
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(COLUMN, 3.6, layout="constrained")
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        x = np.arange(len(names))
-        for k, (kind, components) in enumerate({"moments": MOMENTS, "products": PRODUCTS}.items()):
-            sigma, sigma_error, mean, mean_error = np.array(
-                [average(result, n, estimator, components) for n in names]
-            ).T
-            place = x + (k - 0.5) * 0.38
-            _bars(axes=top, x=place, values=sigma, errors=sigma_error, width=0.38, colour=PALETTE[k + 1], label=kind)
-            _bars(axes=bottom, x=place, values=mean, errors=mean_error, width=0.38, colour=PALETTE[k + 1], label=kind)
-            _printed(top, place + 0.1, names, (printed or {}).get(f"3σ {kind}", {}), label=k == 1)
-        finish_dispersion(top)
-        top.set_ylabel("average 3σ [g·m²]")
-        bottom.set_ylabel("average |mean error|\n[g·m²]")
-        bottom.tick_params(axis="x", length=0)
-        bottom.grid(axis="y", color=GRID, linewidth=0.5)
-        bottom.set_xticks(x, [label(name) for name in names])
-        figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-        figure.align_ylabels()
+    figure = new_figure(COLUMN, 3.6, layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    x = np.arange(len(names))
+    for k, (kind, components) in enumerate({"moments": MOMENTS, "products": PRODUCTS}.items()):
+        sigma, sigma_error, mean, mean_error = np.array([average(result, n, estimator, components) for n in names]).T
+        place = x + (k - 0.5) * 0.38
+        _bars(axes=top, x=place, values=sigma, errors=sigma_error, width=0.38, colour=PALETTE[k + 1], label=kind)
+        _bars(axes=bottom, x=place, values=mean, errors=mean_error, width=0.38, colour=PALETTE[k + 1], label=kind)
+        _printed(top, place + 0.1, names, (printed or {}).get(f"3σ {kind}", {}), label=k == 1)
+    finish_dispersion(top)
+    top.set_ylabel("average 3σ [g·m²]")
+    bottom.set_ylabel("average |mean error|\n[g·m²]")
+    bottom.tick_params(axis="x", length=0)
+    bottom.grid(axis="y", color=GRID, linewidth=0.5)
+    bottom.set_xticks(x, [label(name) for name in names])
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.align_ylabels()
     return figure
 
 

@@ -7,12 +7,11 @@ inside a picture, and prints as it stands.
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import FigureBase
 
 from uq.report.figures.platform_scene import Scene
-from uq.report.figures.style import COLUMN, PALETTE, STYLE, new_figure
+from uq.report.figures.style import COLUMN, PALETTE, new_figure
 
 SIZE = 460
 """Width and height of the drawing [px]."""
@@ -60,16 +59,15 @@ def _animate(name: str, values: str, seconds: float) -> str:
 
 def still(view: Scene) -> FigureBase:
     """Return the drawing's first instant as a figure."""
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(COLUMN, COLUMN)
-        axes = figure.add_axes((0, 0, 1, 1))
-        axes.set_axis_off()
-        axes.set(xlim=(0, 1), ylim=(1, 0), aspect="equal")
-        axes.fill(*view.base.T, facecolor="#ececec", edgecolor=PALETTE[7], linewidth=1)
-        for foot, head in zip(view.base, view.plate[0], strict=True):
-            axes.plot(*np.array([foot, head]).T, color=PALETTE[1], linewidth=2)
-        axes.fill(*view.plate[0].T, facecolor=PALETTE[2], edgecolor=PALETTE[2], alpha=0.4, linewidth=1)
-        for a, b in EDGES:
-            axes.plot(*view.corners[0][[a, b]].T, color=PALETTE[0], linewidth=0.9)
-        axes.plot(*view.centre[0], "o", color=PALETTE[6], markersize=3)
+    figure = new_figure(COLUMN, COLUMN)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set(xlim=(0, 1), ylim=(1, 0), aspect="equal")
+    axes.fill(*view.base.T, facecolor="#ececec", edgecolor=PALETTE[7], linewidth=1)
+    for foot, head in zip(view.base, view.plate[0], strict=True):
+        axes.plot(*np.array([foot, head]).T, color=PALETTE[1], linewidth=2)
+    axes.fill(*view.plate[0].T, facecolor=PALETTE[2], edgecolor=PALETTE[2], alpha=0.4, linewidth=1)
+    for a, b in EDGES:
+        axes.plot(*view.corners[0][[a, b]].T, color=PALETTE[0], linewidth=0.9)
+    axes.plot(*view.centre[0], "o", color=PALETTE[6], markersize=3)
     return figure

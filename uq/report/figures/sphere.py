@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -10,7 +9,7 @@ from matplotlib.tri import Triangulation
 
 from identify.results.measured_directions import AxisValues, rms_about, uncertainty_about
 from identify.rigid_body.inertia import GRAM_METRE
-from uq.report.figures.style import PAGE, PALETTE, RULE, STYLE, new_figure
+from uq.report.figures.style import PAGE, PALETTE, RULE, new_figure
 
 RIM = np.sqrt(2)
 """Radius of a half sphere's disc, in Lambert's azimuthal equal-area projection of the unit sphere."""
@@ -27,19 +26,18 @@ def coverage(omega: np.ndarray, alpha: np.ndarray, covariance: np.ndarray) -> Fi
         alpha: angular acceleration in B [rad/s²], (n, 3).
         covariance: of the packed tensor [(kg·m²)²].
     """
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(PAGE, 4.4, layout="constrained")
-        panels = figure.subplots(2, 3, width_ratios=(1, 1, 1.12))
-        for row, path, name in zip(panels, (omega, alpha), ("ω [rad/s]", "α [rad/s²]"), strict=True):
-            drawn = [_directions(panel, path, side) for panel, side in zip(row[:2], (1, -1), strict=True)]
-            bar = figure.colorbar(drawn[0], ax=row[:2], shrink=0.75, aspect=14)
-            bar.set_label(f"|{name[0]}|{name[1:]}")
-            row[0].set_title(f"{name[0]}, half of +b3")
-            row[1].set_title(f"{name[0]}, half of −b3")
-        _about(figure, panels[0, 2], rms_about(alpha), "α about each axis", "rms [rad/s²]", weak="least")
-        uncertainty = uncertainty_about(covariance)
-        uncertainty = AxisValues(uncertainty.directions, GRAM_METRE * uncertainty.values)
-        _about(figure, panels[1, 2], uncertainty, "moment of inertia about each axis", "u [g·m²]", weak="largest")
+    figure = new_figure(PAGE, 4.4, layout="constrained")
+    panels = figure.subplots(2, 3, width_ratios=(1, 1, 1.12))
+    for row, path, name in zip(panels, (omega, alpha), ("ω [rad/s]", "α [rad/s²]"), strict=True):
+        drawn = [_directions(panel, path, side) for panel, side in zip(row[:2], (1, -1), strict=True)]
+        bar = figure.colorbar(drawn[0], ax=row[:2], shrink=0.75, aspect=14)
+        bar.set_label(f"|{name[0]}|{name[1:]}")
+        row[0].set_title(f"{name[0]}, half of +b3")
+        row[1].set_title(f"{name[0]}, half of −b3")
+    _about(figure, panels[0, 2], rms_about(alpha), "α about each axis", "rms [rad/s²]", weak="least")
+    uncertainty = uncertainty_about(covariance)
+    uncertainty = AxisValues(uncertainty.directions, GRAM_METRE * uncertainty.values)
+    _about(figure, panels[1, 2], uncertainty, "moment of inertia about each axis", "u [g·m²]", weak="largest")
     return figure
 
 

@@ -48,7 +48,7 @@ STYLE: dict[Any, Any] = {
     "hatch.linewidth": 0.6,
     "figure.dpi": 150,
 }
-"""Settings of matplotlib, for ``matplotlib.rc_context``: no figure touches the global ones."""
+"""Settings of matplotlib while :func:`uq.report.drawing.drawing` draws: no figure touches the global ones."""
 NAMES = {"total": "total", "cg": "CG", "imu": "IMU", "r_cg": "r CG"}
 
 
