@@ -30,7 +30,6 @@ from uq.motion_design.arm.arm_design import (
 )
 from uq.motion_design.arm.joint_search import Candidate, JointSearch
 from uq.motion_design.arm.mujoco_run import simulated
-from uq.motion_design.arm.predicted_payload import average_expanded
 
 
 def estimates(design: ArmDesign, candidate: Candidate, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +72,7 @@ def main() -> None:
     measure = goal_function(DETERMINANT, experiment, design.motions["random"].covariance)
     rival, _ = searched(search, measure, starts=arguments.starts, seed=0, rounds=ROUNDS, steps=STEPS, tell=_silent)
     motions = design.motions | {"D-optimal": rival}
-    promised = {name: average_expanded(each.covariance) for name, each in motions.items()}
+    promised = {name: candidate.averages for name, candidate in motions.items()}
     for name, averages in promised.items():
         change = {what: 100 * (promised["designed"][what] / value - 1) for what, value in averages.items()}
         cells = [f"{what} {GRAM_METRE * value:.5f} g·m² ({change[what]:+.1f} %)" for what, value in averages.items()]

@@ -1,12 +1,13 @@
 """An identified tensor beside an expected one: deviation, E_n, chi-squared, and conventions that would explain it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from identify.reporting import Result
+from identify.reporting import Result, plain
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component
@@ -22,21 +23,29 @@ class Comparison(Result):
     Example: ``compare(identification, load_reference("body.toml")).to_frame()["normalised_error"]``.
     """
 
+    result: Identification
     reference: Reference
-    measured: Tensor
-    repeats: np.ndarray
-    """Packed tensor of each run that identifies the whole tensor by itself, (k, 6) [kg·m²]."""
-    suspicions: tuple[Suspicion, ...]
-    mass: tuple[float, float] | None = None
-    """Measured mass and its standard uncertainty [kg]; None: not known."""
-    centre: tuple[np.ndarray, np.ndarray] | None = None
-    """Measured centre of gravity from Q in B and its standard uncertainty [m]."""
-    factor: np.ndarray = field(default_factory=lambda: np.full(10, USUAL))
-    """Coverage factors of mass, centre of gravity and tensor: 2, or those of the result's intervals where larger."""
-    half_with_undeclared: np.ndarray | None = None
-    """Half the second intervals of the components, (6,) [kg·m²]; None: not known."""
-    provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "expected"
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """The identification's provenance."""
+        return self.result.provenance
+
+    @property
+    def measured(self) -> Tensor:
+        """The identified tensor."""
+        return self.result.parameters.tensor
+
+    @cached_property
+    def suspicions(self) -> tuple[Suspicion, ...]:
+        """Conventions of the reference's figures that would explain the deviation."""
+        return suspicions(self.measured, self.reference)
+
+    @property
+    def factor(self) -> np.ndarray:
+        """Coverage factors of mass, centre of gravity and tensor: 2, or those of the result's intervals if larger."""
+        return np.fmax(self.result.coverage_factors, USUAL)
 
     @property
     def expected(self) -> Tensor:
@@ -63,9 +72,10 @@ class Comparison(Result):
     @property
     def normalised_error_with_undeclared(self) -> np.ndarray:
         """E_n of each component with U of undeclared errors, too, at typical size; NaN: not known."""
-        if self.half_with_undeclared is None:
+        second = self.result.interval95_with_undeclared
+        if second is None:
             return np.full(6, np.nan)
-        half = np.fmax(self.half_with_undeclared, self.factor[4:] * self.measured.standard_uncertainty)
+        half = np.fmax(np.ptp(second, axis=1) / 2, self.factor[4:] * self.measured.standard_uncertainty)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.deviation / np.hypot(half, USUAL * self.expected.standard_uncertainty)
         return np.where(self.deviation == 0, 0.0, ratio)
@@ -74,6 +84,12 @@ class Comparison(Result):
     def joint(self) -> tuple[float, int, float]:
         """Chi-squared of the deviation of all components, its degrees of freedom and probability."""
         return joint_chi_squared(self.measured, self.expected)
+
+    @property
+    def repeats(self) -> np.ndarray:
+        """Packed tensor of each run that identifies the whole tensor by itself, (k, 6) [kg·m²]."""
+        alone = [run.inertia - self.result.taken_off for run in self.result.runs if run.alone]
+        return np.array(alone).reshape(-1, 6)
 
     @property
     def mean(self) -> np.ndarray:
@@ -99,11 +115,11 @@ class Comparison(Result):
 
     def known_to_both(self) -> Iterator[tuple[int, str, float, float, float, float]]:
         """Yield index and name of mass and coordinates that both sides know; value and standard uncertainty of both."""
-        ten = self.reference.parameters
-        centre = [None] * 3 if self.centre is None else list(zip(*self.centre, strict=True))
-        for k, (name, pair) in enumerate(zip(PARAMETERS[:4], [self.mass, *centre], strict=True)):
-            if pair is not None and np.isfinite(ten.values[k]):
-                yield k, name, *pair, float(ten.values[k]), float(ten.standard_uncertainty[k])
+        result, reference = self.result.parameters, self.reference.parameters
+        measured, expected = (zip(ten.values, ten.standard_uncertainty, strict=True) for ten in (result, reference))
+        for k, (name, ours, theirs) in enumerate(zip(PARAMETERS[:4], measured, expected, strict=False)):
+            if np.isfinite([*ours, theirs[0]]).all():
+                yield k, name, *map(float, (*ours, *theirs))
 
     def records(self) -> list[dict[str, Any]]:
         """Return the figures of each component [kg·m²]."""
@@ -137,10 +153,7 @@ class Comparison(Result):
                 key: _nulled(dict(zip(PARAMETERS, np.sqrt(np.maximum(variance, 0)).tolist(), strict=True)))
                 for key, variance in self.reference.contributions.items()
             },
-            "suspicions": [
-                {"cause": suspicion.cause, "text": suspicion.text, "remaining": suspicion.remaining}
-                for suspicion in self.suspicions
-            ],
+            "suspicions": [plain(suspicion) for suspicion in self.suspicions],
             "warnings": list(self.reference.warnings),
             "document": dict(self.reference.document),
         }
@@ -156,16 +169,7 @@ def compare(result: Identification, reference: Reference) -> Comparison:
         result: the identification.
         reference: the reference body.
     """
-    ten, wide = result.parameters, result.interval95_with_undeclared
-    u = ten.standard_uncertainty
-    mass = (float(ten.mass), float(u[0])) if np.isfinite(ten.mass) and np.isfinite(u[0]) else None
-    alone = [run.inertia - result.taken_off for run in result.runs if run.alone]
-    return Comparison(
-        reference=reference, measured=ten.tensor, repeats=np.array(alone).reshape(-1, 6),
-        suspicions=suspicions(ten.tensor, reference), mass=mass, centre=(np.asarray(ten.r_cg), u[1:4]),
-        factor=np.fmax(result.coverage_factors, USUAL), provenance=result.provenance,
-        half_with_undeclared=None if wide is None else np.ptp(wide, axis=1) / 2,
-    )  # fmt: skip
+    return Comparison(result, reference)
 
 
 def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:

@@ -82,26 +82,13 @@ def run(arguments: argparse.Namespace) -> int:
         reference = load_reference(arguments.expected)
     check_tare(arguments.tare, experiment, arguments.tare_centre)
     with output_folder(arguments.out) as out:
+        choices = {name: getattr(arguments, name) for name in ("estimator", "offsets", "method")}
+        mountings = None if arguments.mounting is None else names(arguments.mounting)
         result = identify_files(
-            arguments.runs,
-            experiment,
-            estimator=arguments.estimator,
-            offsets=arguments.offsets,
-            windows=windows_of_options(arguments.limits),
-            mountings=None if arguments.mounting is None else names(arguments.mounting),
-            centre=arguments.centre,
-            method=arguments.method,
-            validate=arguments.validate,
-        )
-        result = tare_files(
-            result,
-            arguments.tare,
-            experiment,
-            estimator=arguments.estimator,
-            offsets=arguments.offsets,
-            tare_centre=arguments.tare_centre,
-            method=arguments.method,
-        )
+            arguments.runs, experiment, windows=windows_of_options(arguments.limits), mountings=mountings,
+            centre=arguments.centre, validate=arguments.validate, **choices,
+        )  # fmt: skip
+        result = tare_files(result, arguments.tare, experiment, tare_centre=arguments.tare_centre, **choices)
         more: list[Result] = []
         if reference is not None:
             from uq.bodies.comparison import compare

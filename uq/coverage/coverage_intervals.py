@@ -11,8 +11,6 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.reporting import Result
-from identify.rounding import significant
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 
 Kind = Literal["symmetric", "shortest"]
@@ -163,19 +161,15 @@ def _shortest_ends(draws: np.ndarray, probability: float) -> tuple[float, float]
     return y[low], y[low + q]
 
 
-@dataclass(frozen=True, repr=False)
-class Verdict(Result):
-    """Whether a law's coverage intervals agree with those of a Monte Carlo (JCGM 101, clause 8), output by output.
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a law's coverage intervals agree with those of a Monte Carlo (JCGM 101, clause 8), output by output."""
 
-    Example: ``validate(*law.coverage_interval(), monte_carlo.symmetric, uncertainty=0.1).to_frame()``.
-    """
-
-    probability: float
     d_low: np.ndarray
     """Law's lower end minus the Monte Carlo's; the clause compares its magnitude."""
     d_high: np.ndarray
     tolerance: np.ndarray
-    """δ, half a unit of the last significant digit of the standard uncertainty, or as it was given."""
+    """δ, up to which both ends may differ."""
     resolution: np.ndarray
     """Twice the larger standard error of the Monte Carlo's ends: what this many trials can tell."""
 
@@ -184,27 +178,8 @@ class Verdict(Result):
         """Whether both ends of the interval agree, so that the law is validated."""
         return np.asarray(np.maximum(np.abs(self.d_low), np.abs(self.d_high)) <= self.tolerance)
 
-    def reasons(self) -> list[str]:
-        """Return a sentence for each output: that the law holds, or which end fails and why."""
-        columns = [np.ravel(x) for x in (self.d_low, self.d_high, self.tolerance, self.resolution)]
-        return [_reason(*map(float, row)) for row in zip(*columns, strict=True)]
 
-    def records(self) -> list[dict[str, Any]]:
-        """Return differences, tolerance and whether the law holds, in the outputs' unit."""
-        columns = {"d_low": self.d_low, "d_high": self.d_high, "tolerance": self.tolerance, "holds": self.holds}
-        rows = zip(*map(np.ravel, columns.values()), strict=True)
-        return [dict(zip(columns, row, strict=True)) for row in rows]
-
-
-def validate(
-    low: Value,
-    high: Value,
-    interval: CoverageInterval,
-    *,
-    uncertainty: Value = None,
-    digits: int = 1,
-    tolerance: Value = None,
-) -> Verdict:
+def validate(low: Value, high: Value, interval: CoverageInterval, tolerance: Value) -> Verdict:
     """Compare a law's coverage intervals with a Monte Carlo's (JCGM 101, 8.1).
 
     ``d_low = |y - U_p - y_low|`` and ``d_high = |y + U_p - y_high|`` must both be within the numerical tolerance δ.
@@ -213,40 +188,15 @@ def validate(
         low: lower ends of the law's interval, of the output's shape.
         high: upper ends.
         interval: the Monte Carlo's, symmetric or shortest, of the same coverage probability.
-        uncertainty: standard uncertainty from which δ follows; not needed with a tolerance.
-        digits: significant digits of the uncertainty that are regarded as meaningful.
-        tolerance: δ itself, in the output's unit.
+        tolerance: δ, in the output's unit, as :func:`numerical_tolerance` has it of a standard uncertainty.
 
     Raises:
-        ValueError: neither uncertainty nor tolerance is given, or the shapes differ.
+        ValueError: the shapes differ.
     """
     if np.shape(low) != interval.low.shape or np.shape(high) != interval.high.shape:
         raise ValueError(f"Arguments `low` and `high` must have the shape {interval.low.shape} of the Monte Carlo's.")
-    if tolerance is None:
-        if uncertainty is None:
-            raise ValueError("Argument `uncertainty` must be given where `tolerance` is not, but neither is.")
-        tolerance = numerical_tolerance(uncertainty, digits)
     return Verdict(
-        probability=interval.probability, d_low=np.asarray(low - interval.low), d_high=np.asarray(high - interval.high),
+        d_low=np.asarray(low - interval.low), d_high=np.asarray(high - interval.high),
         tolerance=np.broadcast_to(np.asarray(tolerance, float), interval.low.shape),
         resolution=np.asarray(2 * np.maximum(interval.low_standard_error, interval.high_standard_error)),
     )  # fmt: skip
-
-
-def _reason(d_low: float, d_high: float, delta: float, resolution: float) -> str:
-    """One sentence: which end fails, and whether the interval is shifted, too short or too long."""
-    failing = [name for name, d in (("lower", d_low), ("upper", d_high)) if not abs(d) <= delta]
-    if not failing:
-        return "the law holds" + (
-            "" if resolution <= delta / 5 else f"; too few trials to be sure: ends ± {significant(resolution, 2)}"
-        )
-    if not math.isfinite(d_low + d_high):
-        return "there is no interval to compare"
-    shift, longer = (d_low + d_high) / 2, d_high - d_low
-    ends = " and ".join(failing) + (" ends fail" if len(failing) > 1 else " end fails")
-    what = []
-    if abs(shift) > delta / 2:
-        what.append(f"shifted by {significant(shift, signed=True)}")
-    if abs(longer) > delta:
-        what.append(f"{significant(abs(longer))} too {'long' if longer > 0 else 'short'}")
-    return f"{ends}: the law's interval is {' and '.join(what)}"

@@ -95,14 +95,13 @@ def of_intervals(
     usual = np.diff(interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
     freedom = np.array([degrees_of_freedom(factor) for factor in usual])
     k, p = _factor(freedom, factor, probability)
-    k = usual if factor is None and probability in (None, USUAL) else k
-    if k is usual:
-        return Expanded(
-            names=names, value=value, standard=u, factor=k, probability=p, interval=interval95, freedom=freedom
-        )
-    with np.errstate(invalid="ignore"):
-        arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
-    ends = value[:, None] + arms
+    ends = interval95
+    if factor is None and probability in (None, USUAL):
+        k = usual
+    else:
+        with np.errstate(invalid="ignore"):
+            arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
+        ends = value[:, None] + arms
     return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=ends, freedom=freedom)
 
 

@@ -5,7 +5,6 @@ Accreditation is never claimed.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Annotated, Any
 
@@ -145,19 +144,14 @@ class ReportTable(Texts, frozen=True, kw_only=True):
             raise WrongKeyError("", "has both coverage_factor and coverage_probability: write one, the other follows")
 
 
-@dataclass(frozen=True)
-class Instrument:
-    """An instrument and its calibration; None: not stated."""
+class Instrument(InstrumentTable, frozen=True, kw_only=True):
+    """An instrument and its calibration, by the table or by a recording."""
 
-    texts: Mapping[str, str]
-    """Texts on the instrument, by the names of ``INSTRUMENT``."""
-    calibrated: date | None = None
-    due: date | None = None
     recorded: bool = False
     """Whether the recording itself names the instrument."""
 
     @property
-    def name(self) -> str:
+    def label(self) -> str:
         """Name of the instrument in texts."""
         texts = (self.texts.get(key) for key in ("name", "model", "serial_number"))
         return next((text for text in texts if text), "instrument")
@@ -191,7 +185,7 @@ def parse_report(content: Mapping[str, Any]) -> Report:
     refuse_claims(content)
     table = declared_table("report", content, ReportTable)
     conditions = {key: text.strip() for key, text in table.conditions.items() if text.strip()}
-    instruments = tuple(Instrument(entry.texts, entry.calibrated, entry.due) for entry in table.instrument)
+    instruments = tuple(Instrument(**msgspec.structs.asdict(entry)) for entry in table.instrument)
     return Report(**table.to_dict() | {"conditions": conditions}, instruments=instruments)
 
 
@@ -213,7 +207,7 @@ def read(provenance: Mapping[str, Any]) -> Report:
     stated, unmatched = [], _recorded_instruments(inputs)
     for instrument in report.instruments:
         same = [other for other in unmatched if instrument.is_same(other)]
-        stated.append(replace(instrument, texts={**(same[0].texts if same else {}), **instrument.texts}))
+        stated.append(msgspec.structs.replace(instrument, **{**(same[0].texts if same else {}), **instrument.texts}))
         unmatched = [other for other in unmatched if other not in same]
     performed = report.performed or tuple(dict.fromkeys([*days[:1], *days[-1:]]))
     recorded = bool(days) and not report.performed
@@ -234,7 +228,7 @@ def _recorded_instruments(inputs: Sequence[Mapping[str, Any]]) -> list[Instrumen
         for entry in inputs
         for stated in entry.get("instruments", ())
     ]
-    return [Instrument(stated, recorded=True) for k, stated in enumerate(texts) if stated not in texts[:k]]
+    return [Instrument(**stated, recorded=True) for k, stated in enumerate(texts) if stated not in texts[:k]]
 
 
 def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -253,7 +247,7 @@ def _of_serial_numbers(report: Report, recorded: list[Instrument]) -> Iterator[s
         for other in recorded:
             numbers = [entry.texts.get("serial_number") for entry in (instrument, other)]
             if instrument.is_same(other) and all(numbers) and numbers[0] != numbers[1]:
-                yield f"{instrument.name} has serial number {numbers[0]} in [report] and {numbers[1]} in a recording"
+                yield f"{instrument.label} has serial number {numbers[0]} in [report] and {numbers[1]} in a recording"
 
 
 def _of_dates(report: Report, measured: Sequence[date]) -> list[str]:
@@ -268,7 +262,7 @@ def _of_dates(report: Report, measured: Sequence[date]) -> list[str]:
 
 
 def _of_calibration(instrument: Instrument, days: list[date]) -> Iterator[str]:
-    name, calibrated, due = instrument.name, instrument.calibrated, instrument.due
+    name, calibrated, due = instrument.label, instrument.calibrated, instrument.due
     if due and days and due < days[-1]:
         yield f"calibration of {name} was due on {due}, before the measurement of {days[-1]}"
     if due and not days:

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy
 
 from identify.estimators.type_a import Pooling
 from identify.exceptions import RunError
-from identify.reporting import Result
 from identify.results.discordance import Discordance, PoolEstimate, discordant_runs
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
@@ -22,12 +20,9 @@ LEVEL = 0.01
 """Chance that a true prediction is called false, over all components together."""
 
 
-@dataclass(frozen=True, repr=False)
-class ScatterVerdict(Result):
-    """The scatter of repeats beside its prediction, component by component; any unit, the same for both.
-
-    Example: ``scatter_verdict(measured, predicted, repeats=5).to_frame()["ratio"]``.
-    """
+@dataclass(frozen=True)
+class ScatterVerdict:
+    """The scatter of repeats beside its prediction, component by component; any unit, the same for both."""
 
     measured: np.ndarray
     """Standard deviation of the repeats."""
@@ -72,24 +67,6 @@ class ScatterVerdict(Result):
             if has_sign
         ]
         return f"{', '.join(components)} scatter{'s' if len(components) == 1 else ''}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what result.json says of it."""
-        return {
-            "repeats": self.repeats,
-            "describes": self.describes,
-            "verdict": self.text,
-            **{
-                key: dict(zip(self.names, map(float, getattr(self, key)), strict=True))
-                for key in ("measured", "predicted", "ratio", "probability")
-            },
-        }
-
-    def records(self) -> list[dict[str, Any]]:
-        """Return scatter, prediction, their ratio and its probability, by component."""
-        keys = ("measured", "predicted", "ratio", "probability")
-        rows = zip(self.names, *(getattr(self, key) for key in keys), strict=True)
-        return [dict(zip(("component", *keys), row, strict=True)) for row in rows]
 
 
 def pooled_scatter_verdict(pooling: Pooling) -> ScatterVerdict | None:

@@ -126,7 +126,7 @@ def with_declared_sources(
     """
     if result.seen is not None:
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
-    systematic = propagate_constants(result, runs, experiment, redrawn=redrawn, trials=trials, seed=seed)
+    systematic = propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
     if systematic.failed:
         left_out = f"{systematic.failed} of {trials:,} draws of the declared sources leave no solution"
         result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
@@ -162,21 +162,8 @@ def with_declared_sources(
     return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
 
 
-def propagate_constants(
-    result: Identification,
-    runs: Sequence[Run],
-    experiment: Experiment,
-    *,
-    redrawn: Collection[str] = (),
-    trials: int = TRIALS,
-    seed: int = 0,
-) -> Systematic:
-    """Return the errors that draws of constant sources make of a pooled tensor; see :func:`with_declared_sources`."""
-    return propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
-
-
 def propagated(problem: SystematicProblem, *, trials: int = TRIALS, seed: int = 0) -> Systematic:
-    """Return the errors that draws of a problem's sources make of its tensor."""
+    """Return the errors that draws of a problem's constant sources make of its pooled tensor."""
     if not problem.sources:
         zero = np.zeros((trials, 6))
         return Systematic((), zero, zero, {})

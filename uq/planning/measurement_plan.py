@@ -76,7 +76,7 @@ def plan_measurement(
     total = law(experiment, name, chosen)[name, chosen].total
     tell("sensors", 0, 1)
     sensors = sensor_worth(experiment, name, chosen)
-    wanted = [(goal, target) for goal in goals for target in targets or (half_of((total.three_sigma / 3) ** 2, goal),)]
+    wanted = [(goal, target) for goal in goals for target in targets or (half_of(total.three_sigma, goal),)]
     tell("durations", 0, len(wanted))
     growth = growth_of(experiment, name, chosen)
     durations = []

@@ -65,6 +65,10 @@ class Growth:
             factor = np.where(np.isnan(self.lost), (T / self.duration) ** self.power, noise)
             return np.where(self.variance > 0, self.variance * factor, 0.0)
 
+    def three_sigma(self, duration: float | np.ndarray) -> np.ndarray:
+        """Return the 3σ of each component by all sources at a duration [s]; durations lead."""
+        return 3 * np.sqrt(self.at(duration).sum(axis=-2))
+
 
 @dataclass(frozen=True, repr=False)
 class Duration(Result):
@@ -94,7 +98,7 @@ class Duration(Result):
     @property
     def floor(self) -> float:
         """Average 3σ by undeclared errors at typical size, which the second interval holds at any duration [kg·m²]."""
-        return float(average(self.growth.undeclared, self.goal))
+        return float(average(3 * np.sqrt(self.growth.undeclared), self.goal))
 
     @property
     def reachable(self) -> bool:
@@ -145,7 +149,7 @@ def required_duration(
         raise ExperimentError(f"a target of {GRAM_METRE * target:g} g·m²: give an uncertainty above zero")
     name, spec = experiment.select(trajectory)
     growth = growth or growth_of(experiment, name, estimator)
-    now = average(growth.at(spec.duration).sum(axis=0), goal)
+    now = average(growth.three_sigma(spec.duration), goal)
     answer = partial(
         Duration, target=target, goal=goal, forbids=None, current_duration=spec.duration, now=now, growth=growth
     )
@@ -154,10 +158,10 @@ def required_duration(
         least, source = _floor(growth, goal, spec)
         return answer(seconds=None, reached=least, forbids=source)
     for _ in range(ROUNDS):
-        model = average(growth.at(seconds).sum(axis=0), goal)
+        model = average(growth.three_sigma(seconds), goal)
         if seconds * spec.rate > MOST_SAMPLES:
             return answer(seconds=seconds, reached=model, checked=False)
-        reached = average(_variances(experiment, name, spec, seconds, estimator).sum(axis=0), goal)
+        reached = average(3 * np.sqrt(_variances(experiment, name, spec, seconds, estimator).sum(axis=0)), goal)
         if abs(reached / target - 1) < CLOSE:
             break
         again = _solve(growth, target * model / reached, goal, spec)
@@ -217,15 +221,15 @@ def shortest(spec: TrajectorySpec) -> float:
     return float(trajectory.shortest)
 
 
-def average(variance: Float[np.ndarray, "*n 6"], goal: str) -> Any:
+def average(three_sigma: Float[np.ndarray, "*n 6"], goal: str) -> Any:
     """Return the average 3σ of a goal's components."""
-    widths = 3 * np.sqrt(variance[..., list(GOALS[goal])]).mean(axis=-1)
+    widths = three_sigma[..., list(GOALS[goal])].mean(axis=-1)
     return float(widths) if np.ndim(widths) == 0 else widths
 
 
-def half_of(variance: Float[np.ndarray, " 6"], goal: str) -> float:
+def half_of(three_sigma: Float[np.ndarray, " 6"], goal: str) -> float:
     """Return a target where none is asked: half the average 3σ of a goal's components, to two digits [kg·m²]."""
-    return float(significant(GRAM_METRE * average(variance, goal) / 2, 2)) / GRAM_METRE
+    return float(significant(GRAM_METRE * average(three_sigma, goal) / 2, 2)) / GRAM_METRE
 
 
 def _variances(
@@ -247,7 +251,7 @@ def _durations(spec: TrajectorySpec) -> np.ndarray:
 def _solve(growth: Growth, target: float, goal: str, spec: TrajectorySpec) -> float | None:
     """The shortest duration at which the model is at the target or below."""
     durations = _durations(spec)
-    widths = average(growth.at(durations).sum(axis=-2), goal)
+    widths = average(growth.three_sigma(durations), goal)
     below = np.flatnonzero(widths <= target)
     if not len(below):
         return None
@@ -263,7 +267,7 @@ def _floor(growth: Growth, goal: str, spec: TrajectorySpec) -> tuple[float, str]
     """The least average 3σ that any duration approaches, and the source with the largest part in it."""
     durations = _durations(spec)
     variances = growth.at(durations)
-    widths = average(variances.sum(axis=-2), goal)
+    widths = average(3 * np.sqrt(variances.sum(axis=-2)), goal)
     k = int(np.argmin(widths))
     shares = (variances[k] / variances[k].sum(axis=0))[:, list(GOALS[goal])].mean(axis=1)
     return float(widths[k]), growth.names[int(np.argmax(shares))]

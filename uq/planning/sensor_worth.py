@@ -56,7 +56,7 @@ class SensorWorth(Result):
 
     def changes(self) -> Float[np.ndarray, "sources 2"]:
         """Return what halving each source's sigma changes the average 3σ of moments and of products by, in parts."""
-        now, halved = ([average((w / 3) ** 2, goal) for goal in BOTH] for w in (self.three_sigma, self.halved))
+        now, halved = ([average(w, goal) for goal in BOTH] for w in (self.three_sigma, self.halved))
         return np.stack(halved, axis=1) / np.array(now) - 1
 
     def to_dict(self) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def law(
     Raises:
         ExperimentError: no such trajectory or estimator, nothing to estimate from, or a source beyond the law.
     """
-    return _prepared(experiment, trajectories, estimators, check_precision("float64")).evaluate()
+    return prepare_law(experiment, trajectories, estimators).evaluate()
 
 
 def prepare_law(
@@ -115,18 +115,10 @@ def prepare_law(
     estimators: str | Sequence[str] | None = None,
 ) -> PreparedLaw:
     """Sum over every trajectory once, unless an earlier call has; see :func:`law`."""
-    return _prepared(experiment, trajectories, estimators, check_precision("float64"))
-
-
-def _prepared(
-    experiment: Experiment,
-    trajectories: str | Sequence[str] | None,
-    estimators: str | Sequence[str] | None,
-    warnings: Sequence[str],
-) -> PreparedLaw:
+    warnings = tuple(check_precision("float64"))
     chosen, specs = chosen_estimators(experiment, estimators), chosen_trajectories(experiment, trajectories)
     runs = {name: prepared_run(experiment, spec, chosen) for name, spec in specs.items()}
-    return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, tuple(warnings))
+    return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, warnings)
 
 
 # --- a single run ---

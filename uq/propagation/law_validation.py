@@ -52,7 +52,7 @@ def validate_law(
             sigma = errors.std(axis=0, ddof=1)
             tolerance = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)
             ours, textbook = (
-                validate(*ends, interval, tolerance=tolerance)
+                validate(*ends, interval, tolerance)
                 for ends in (statistics.coverage_interval(probability), statistics.textbook_interval(probability))
             )
             why = reason(statistics) if rejected(textbook).any() else ""

@@ -16,8 +16,6 @@ VIEWS = {
     "uq.campaign.campaign_result.MonteCarloResult": f"{TABLES}.campaign",
     "uq.campaign.statistics.Breakdown": f"{TABLES}.cases:breakdown",
     "uq.campaign.statistics.Statistics": f"{TABLES}.cases:case",
-    "uq.coverage.coverage_intervals.Verdict": f"{TABLES}.measurands:verdict",
-    "uq.identification.run_scatter.ScatterVerdict": f"{TABLES}.measurands:scatter",
     "uq.motion_design.arm.arm_report.ArmDesignReport": f"{TABLES}.design:arm",
     "uq.motion_design.hexapod.design.Design": f"{TABLES}.design:design",
     "uq.motion_design.hexapod.design_report.DesignReport": f"{TABLES}.design:platform",

@@ -327,6 +327,18 @@ KINDS: dict[tuple[str, str], ErrorKind] = {}
 """Every kind by target and name; filled by :mod:`uq.sources.kinds`, and by whatever else defines a kind."""
 
 
+class RigConstant(ErrorKind):
+    """A constant of rig or body that is not as it is believed: a target that is itself a field of the errors."""
+
+    name = "bias"
+    constant = True
+
+    def __init_subclass__(cls) -> None:
+        """Let each target perturb the field of its name."""
+        cls.perturbs = {target: target for target in cls.targets}
+        super().__init_subclass__()
+
+
 def kind_of(target: str, name: str) -> ErrorKind:
     """Return a kind of error on a target.
 

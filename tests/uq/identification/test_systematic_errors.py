@@ -21,7 +21,7 @@ from uq.identification.systematic_errors import (
     draws,
     estimate,
     problem_of,
-    propagate_constants,
+    propagated,
     with_declared_sources,
 )
 from uq.sources.constant_errors import errors_of
@@ -99,7 +99,7 @@ def test_each_source_disperses_as_its_derivatives_say(which, silent, request):
     experiment = request.getfixturevalue(which)
     exact = identified(experiment, silent, "none")
     problem = problem_of(exact, [silent], experiment)
-    found = propagate_constants(exact, [silent], experiment)
+    found = propagated(problem_of(exact, [silent], experiment))
     means = {s.name: jnp.broadcast_to(jnp.asarray(s.mean, float), np.shape(s.sigma)) for s in problem.sources}
     slopes = jax.jacfwd(lambda of: with_draw(problem, of))(means)
     variances = []

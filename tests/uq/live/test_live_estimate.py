@@ -15,7 +15,7 @@ from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.undeclared_table import UndeclaredTable
 from uq.identification.run_sums import ELEMENTS, FEATURES
-from uq.identification.systematic_errors import propagate_constants
+from uq.identification.systematic_errors import problem_of, propagated
 from uq.identification.undeclared import with_undeclared
 from uq.live.estimate_lines import block_of, line_of, missed
 from uq.live.growing_run import GrowingRun
@@ -182,7 +182,7 @@ def declared(path, experiment):
     """The whole run's estimate, and half the interval that the declared sources alone leave, each part by itself."""
     run = load_run(path)
     result = dataclasses.replace(whole(run, experiment), admissible=None)  # its covariance would hold the centre's
-    errors = propagate_constants(result, [run], experiment, trials=4000).common
+    errors = propagated(problem_of(result, [run], experiment), trials=4000).common
     return result, (np.quantile(errors, 0.975, axis=0) - np.quantile(errors, 0.025, axis=0)) / 2
 
 

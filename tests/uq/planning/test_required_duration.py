@@ -111,7 +111,7 @@ def test_a_longer_trajectory_keeps_frequencies_and_ramps(preset):
 @pytest.mark.slow
 def test_the_answer_holds_in_the_monte_carlo(longer, growth):
     """400 trials: the average 3σ has a standard error of about 2.5 %; within four of them (6e-5)."""
-    target = average(growth.at(40.0).sum(axis=0), "moments")
+    target = average(growth.three_sigma(40.0), "moments")
     answer = required_duration(longer, target, growth=growth)
     assert answer.seconds == pytest.approx(40.0, rel=1e-3)
     assert answer.reached == pytest.approx(target, rel=2e-3)
@@ -204,7 +204,7 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
         "duration": (dataclasses.replace(preset, trajectories=specs, document={}), answer.target),
         "sensor": (
             dataclasses.replace(preset, sources=quieter, document={}),
-            average((worth.halved[k] / 3) ** 2, "moments"),
+            average(worth.halved[k], "moments"),
         ),
     }
     for name, (experiment, expected) in cases.items():

@@ -14,7 +14,6 @@ from uq.motion_design.arm.arm_design import ArmDesign
 from uq.motion_design.arm.joint_export import joint_files
 from uq.motion_design.arm.mujoco_run import MujocoRun, simulated
 from uq.motion_design.arm.payload_experiment import payload_experiment
-from uq.motion_design.arm.predicted_payload import average_expanded
 from uq.motion_design.report import MotionReport
 
 TOLERATED = 0.02
@@ -71,7 +70,7 @@ class ArmDesignReport(MotionReport):
             "motions": {
                 name: {
                     "three_sigma": by_component(GRAM_METRE * c.expanded[4:]),
-                    "average": {what: GRAM_METRE * value for what, value in average_expanded(c.covariance).items()},
+                    "average": {what: GRAM_METRE * value for what, value in c.averages.items()},
                     "mass_three_sigma_kg": float(c.expanded[0]),
                     "cg_three_sigma_m": c.expanded[1:4].tolist(),
                     "peaks": _peaks(c.peaks),

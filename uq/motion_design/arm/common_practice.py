@@ -6,7 +6,7 @@ from identify.serial_arm.joint_series import JointSeries, JointStates
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.joint_search import GRID, Candidate, JointSearch
 from uq.motion_design.arm.largest_motion import enlarged, largest_size
-from uq.motion_design.arm.predicted_payload import WrenchNoise, average_expanded, promised
+from uq.motion_design.arm.predicted_payload import WrenchNoise, promised
 
 FREQUENCIES = 4
 """Frequencies of the swing that are tried: the bandwidth and its halves."""
@@ -16,7 +16,7 @@ SWING = 40
 
 def best(candidates: list[Candidate]) -> Candidate:
     """Return the candidate of the least product of the average 3σ of moments and of products."""
-    return min(candidates, key=lambda motion: float(np.prod(list(average_expanded(motion.covariance).values()))))
+    return min(candidates, key=lambda motion: float(np.prod(list(motion.averages.values()))))
 
 
 def random_series(search: JointSearch, count: int, seed: int = 0) -> Candidate:

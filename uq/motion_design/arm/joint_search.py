@@ -19,6 +19,8 @@ from uq.files.document import ExperimentError
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.largest_motion import enlarged, largest_size
 from uq.motion_design.arm.predicted_payload import WrenchNoise, promised, ten_parameters
+from uq.planning.required_duration import average
+from uq.planning.sensor_worth import BOTH
 
 GRID = 10
 """Instants of the search in a period of the highest frequency; the limits are checked on a grid ten times finer."""
@@ -46,6 +48,11 @@ class Candidate:
     def expanded(self) -> Float[np.ndarray, "10"]:
         """3σ of these parameters, in SI units."""
         return 3 * np.sqrt(np.diag(self.covariance))
+
+    @property
+    def averages(self) -> dict[str, float]:
+        """Average 3σ of moments and of products [kg·m²]."""
+        return {goal: average(self.expanded[4:], goal) for goal in BOTH}
 
     def measured_by(self, goal: Goal) -> float:
         """Return what is to be small."""

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.rigid_body.inertia import MOMENTS, PRODUCTS, Body
+from identify.rigid_body.inertia import Body
 from identify.serial_arm.payload_information import covariance_about_cg, information
 from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
@@ -67,9 +67,3 @@ def promised(
     """Return :func:`ten_parameters` of a motion that is there, in NumPy."""
     arrays = jax.tree.map(jnp.asarray, (motion, samples, noise.covariance, body))
     return np.asarray(_compiled(*arrays))
-
-
-def average_expanded(covariance: Float[np.ndarray, "10 10"]) -> dict[str, float]:
-    """Return the average 3σ of moments and of products [kg·m²]."""
-    expanded = 3 * np.sqrt(np.diag(np.asarray(covariance))[4:])
-    return {"moments": float(expanded[list(MOMENTS)].mean()), "products": float(expanded[list(PRODUCTS)].mean())}

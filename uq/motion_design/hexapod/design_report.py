@@ -56,7 +56,7 @@ class DesignReport(MotionReport):
         """Return the average 3σ of moments and products by the law [kg·m²], or that of 3√(σ² + mean error²) (rms)."""
         total = self.laws[trajectory].total
         widths = total.three_rms if objective == "rms" else total.three_sigma
-        return {goal: average((widths / 3) ** 2, goal) for goal in BOTH}
+        return {goal: average(widths, goal) for goal in BOTH}
 
     @property
     def bound(self) -> dict[str, float | None]:
@@ -168,7 +168,7 @@ def design_report(
     durations = []
     for k, wanted in enumerate(BOTH):
         tell("durations", k, len(BOTH))
-        half = half_of(np.diag(laws[NAME].total.covariance), wanted)
+        half = half_of(laws[NAME].total.three_sigma, wanted)
         durations += [required_duration(matched, target, goal=wanted, growth=growth) for target in targets or (half,)]
     tell("durations", len(BOTH), len(BOTH))
     record = provenance(**experiment.inputs(), goal=goal)

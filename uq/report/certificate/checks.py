@@ -1,5 +1,7 @@
 """The checks of an identification: each figure, its limit, and whether it is within."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -31,12 +33,17 @@ def rows(result: Identification) -> list[list[str]]:
         checks.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
     checks.append(_admissible(result))
     causes = sorted({verdict.cause for verdict in result.consistency})
-    what = f"residuals that follow something{': ' if causes else ''}{', '.join(causes)}"
-    checks.append([what, f"{len(result.consistency)}", "0", _verdict(not result.consistency)])
-    checks.append(_declared(result))
+    checks.append(_none("residuals that follow something", len(result.consistency), causes))
+    contradicted = [record.name for record in result.declarations if record.contradicted]
+    checks.append(_none("declared quantities that the runs contradict", len(contradicted), contradicted))
     checks.append(undeclared(result))
-    checks.append(["warnings of reading and fitting", f"{len(result.warnings)}", "0", _verdict(not result.warnings)])
+    checks.append(_none("warnings of reading and fitting", len(result.warnings)))
     return checks
+
+
+def _none(what: str, count: int, names: Sequence[str] = ()) -> list[str]:
+    """The check that there are none of something."""
+    return [f"{what}{': ' if names else ''}{', '.join(names)}", f"{count}", "0", _verdict(not count)]
 
 
 def _row(what: str, value: float, sign: str, limit: float) -> list[str]:
@@ -51,13 +58,6 @@ def _admissible(result: Identification) -> list[str]:
     slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
     what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
     return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
-
-
-def _declared(result: Identification) -> list[str]:
-    """Return the check of what is declared against the runs."""
-    names = [record.name for record in result.declarations if record.contradicted]
-    what = f"declared quantities that the runs contradict{': ' if names else ''}{', '.join(names)}"
-    return [what, f"{len(names)}", "0", _verdict(not names)]
 
 
 def undeclared(result: Identification) -> list[str]:

@@ -118,13 +118,15 @@ def _instruments(instruments: Sequence[Instrument]) -> Table:
     return Table("Instruments and their calibration", list(INSTRUMENT_HEAD), rows, wrap=True)
 
 
-def _instrument(one: Instrument) -> list[str]:
-    make = ", ".join(one.texts[key] for key in ("manufacturer", "model") if key in one.texts)
-    certificate = ", ".join(one.texts[key] for key in ("certificate", "calibrated_by") if key in one.texts)
-    name = ", ".join(one.texts[key] for key in ("name", "note") if key in one.texts) or one.name
-    dates = [str(day or MISSING) for day in (one.calibrated, one.due)]
-    cells = [make, one.texts.get("serial_number"), certificate]
-    return [f"{name} {FROM_RECORDING}" if one.recorded else name, *(cell or MISSING for cell in cells), *dates]
+def _instrument(instrument: Instrument) -> list[str]:
+    texts = instrument.texts
+    name, make, certificate = (
+        ", ".join(texts[key] for key in keys if key in texts)
+        for keys in (("name", "note"), ("manufacturer", "model"), ("certificate", "calibrated_by"))
+    )
+    label = name or instrument.label
+    cells = [make, texts.get("serial_number"), certificate, instrument.calibrated, instrument.due]
+    return [f"{label} {FROM_RECORDING}" if instrument.recorded else label, *(str(cell or MISSING) for cell in cells)]
 
 
 def number_of(content: Mapping[str, Any]) -> str:

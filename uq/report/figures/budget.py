@@ -12,12 +12,13 @@ from uq.report.figures.style import (
     PAGE,
     PALETTE,
     coloured_parts,
-    columns,
     label,
     largest,
+    legend_above,
     new_figure,
     on,
-)  # fmt: skip
+    stacked,
+)
 from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
 BIAS, DISPERSION = PALETTE[0], FILL
@@ -39,10 +40,7 @@ def shares(b: SourceBudget) -> FigureBase:
     right = figure.add_subplot(grid[:, 1])
     _tensor(right, b)
     figure.align_ylabels([top, bottom])
-    handles, names = (
-        [*a, *b] for a, b in zip(*(axes.get_legend_handles_labels() for axes in (bottom, right)), strict=True)
-    )
-    figure.legend(handles, names, loc="outside lower center", ncols=5)
+    figure.legend(loc="outside lower center", ncols=5)
     return figure
 
 
@@ -109,11 +107,8 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     pairs = list(budgets)
     figure = new_figure(PAGE, 1.2 + 0.24 * len(pairs), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
-    base = np.zeros(len(pairs))
     shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
-    for name, colour, width in coloured_parts(budgets[pairs[0]].sources.players, shares_of):
-        left.barh(range(len(pairs)), width, 0.7, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
-        base = base + width
+    stacked(left, coloured_parts(budgets[pairs[0]].sources.players, shares_of), 0.7)
     bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
     right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
     right.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
@@ -123,7 +118,5 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     right.set(xlim=(0, 100), xlabel="share of the mean square [%]")
     for axes in (left, right):
         axes.tick_params(axis="y", left=False)
-    handles = [*left.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
-    labels = [*left.get_legend_handles_labels()[1], *right.get_legend_handles_labels()[1]]
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns(labels, PAGE))
+    legend_above(figure)
     return figure

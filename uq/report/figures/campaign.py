@@ -22,11 +22,10 @@ from uq.report.figures.style import (
     PAGE,
     PALETTE,
     RULE,
-    columns,
     display_name,
     label,
+    legend_above,
     new_figure,
-    width_of,
 )
 
 BESIDE = 5
@@ -69,8 +68,7 @@ def contributions(cases: Mapping[str, OfCase], groups: Collection[str] = ()) -> 
     bottom.set_xticks(range(len(COMPONENTS)), COMPONENTS)
     edges = np.arange(len(COMPONENTS) - 1) + 0.5
     bottom.vlines(edges, 0, 1, GRID, linewidth=0.5, zorder=0, transform=bottom.get_xaxis_transform())
-    number = columns(list(map(display_name, cases)), width_of(figure))
-    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=number)
+    legend_above(figure)
     figure.align_ylabels()
     return figure
 

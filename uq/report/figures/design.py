@@ -14,7 +14,7 @@ from uq.campaign.statistics import Breakdown
 from uq.motion_design.arm.arm_design import ArmDesign
 from uq.planning.required_duration import average
 from uq.propagation.law_result import LawStatistics
-from uq.report.figures.style import MOST, PAGE, PALETTE, columns, display_name, label, new_figure
+from uq.report.figures.style import MOST, PAGE, PALETTE, display_name, label, legend_above, new_figure
 
 LEG_COLOURS = PALETTE[:6]
 SHOWN = 12.0
@@ -76,7 +76,7 @@ def legs(t: Float[np.ndarray, " n"], asked: Effort, limits: Limits) -> FigureBas
         panel.set_ylabel("part of the limit [%]")
     for panel in panels[2:]:
         panel.set_xlabel("time [s]")
-    figure.legend(*panels[0].get_legend_handles_labels(), ncols=6, loc="outside upper center")
+    legend_above(figure)
     return figure
 
 
@@ -100,7 +100,7 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
     for panel, goal in zip(panels, ("moments", "products"), strict=True):
         for k, (trajectory, law) in enumerate(laws.items()):
             cases = [law.total, *(law.sources[name] for name in sources)]
-            values = [GRAM_METRE * average((case.three_sigma / 3) ** 2, goal) for case in cases]
+            values = [GRAM_METRE * average(case.three_sigma, goal) for case in cases]
             at = np.arange(len(names)) + (k - (len(laws) - 1) / 2) * width
             panel.bar(at, values, width, color=PALETTE[1:][k % 7], label=label(trajectory))
         least = bound.get(goal)
@@ -110,6 +110,5 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
         panel.set_xticks(np.arange(len(names)), texts, rotation=35, ha="right")
         panel.set_title(goal)
     panels[0].set_ylabel("average 3σ [g·m²]")
-    number = columns(["bound", *laws], PAGE)
-    figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=number)
+    legend_above(figure)
     return figure

@@ -21,12 +21,11 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
     t = np.geomspace(
         max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
     )
-    variances = growth.at(t)
     figure = new_figure(PAGE, 2.9, layout="constrained")
     goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
     panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
-    curves = {goal: GRAM_METRE * average(variances.transpose(1, 0, 2), goal) for goal in goals}
-    totals = {goal: GRAM_METRE * average(variances.sum(axis=1), goal) for goal in goals}
+    curves = {goal: GRAM_METRE * average(3 * np.sqrt(growth.at(t)).transpose(1, 0, 2), goal) for goal in goals}
+    totals = {goal: GRAM_METRE * average(growth.three_sigma(t), goal) for goal in goals}
     bottom = 2e-3 * max(total.max() for total in totals.values())
     shown = [k for k in range(len(growth.names)) if max(curve[k].max() for curve in curves.values()) > bottom]
     for panel, goal in zip(panels, goals, strict=True):

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
 from identify.results.held_out_run import FORCE, HeldOutRun
-from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, legend_above, new_figure
 
 
 def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:
@@ -32,7 +32,7 @@ def prediction(run: HeldOutRun, ratios: Sequence[float]) -> FigureBase:
     for axes in panels[-1, :3]:
         axes.set_xlabel("time [s]")
     figure.align_ylabels(panels[:, 0])
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    legend_above(figure)
     return figure
 
 

@@ -11,14 +11,7 @@ from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed, significant
 from identify.sums.residual_trace import Trace
-from uq.report.figures.style import (
-    PAGE,
-    PALETTE,
-    coloured_parts,
-    columns,
-    label,
-    new_figure,
-)
+from uq.report.figures.style import PAGE, PALETTE, coloured_parts, label, legend_above, new_figure, stacked
 
 
 def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) -> FigureBase:
@@ -34,11 +27,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
     total = variances.sum(axis=0)
     figure = new_figure(PAGE, 2.4, layout="constrained")
     axes = figure.subplots()
-    base = np.zeros(len(COMPONENTS))
-    stacks = coloured_parts(list(parts), 100 * variances / np.maximum(total, 1e-300))
-    for name, colour, width in stacks:
-        axes.barh(range(6), width, 0.72, left=base, color=colour, edgecolor="white", linewidth=0.3, label=name)
-        base = base + width
+    stacked(axes, coloured_parts(list(parts), 100 * variances / np.maximum(total, 1e-300)), 0.72)
     for k, value in enumerate(GRAM_METRE * standard_uncertainty):
         axes.annotate(
             f"u = {fixed(value, decimals(value))} g·m²", (100, k), (4, 0), textcoords="offset points", va="center"
@@ -47,9 +36,7 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
     axes.invert_yaxis()
     axes.set(xlim=(0, 100), xlabel="share of the variance [%]")
     axes.tick_params(axis="y", length=0)
-    figure.legend(
-        *axes.get_legend_handles_labels(), loc="outside upper center", ncols=columns([s[0] for s in stacks], PAGE)
-    )
+    legend_above(figure)
     return figure
 
 
@@ -68,7 +55,7 @@ def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
         left.set_title(label(run.file), loc="left")
     panels[-1, 0].set_xlabel("time from the run's start [s]")
     panels[-1, 1].set_xlabel("frequency [Hz]")
-    figure.legend(*panels[0, 1].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    legend_above(figure)
     return figure
 
 
@@ -134,7 +121,7 @@ def estimates(
             axes.set_ylim(*np.clip(axes.get_ylim(), -0.3 * GRAM_METRE * beyond, 0.3 * GRAM_METRE * beyond))
         if k > 2:
             axes.set_xlabel("run")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    legend_above(figure)
     figure.align_ylabels()
     return figure
 
@@ -147,16 +134,15 @@ def parts(runs: Sequence[RunEstimate]) -> FigureBase:
     """
     runs = [run for run in runs if run.overview is not None][:6]
     figure = new_figure(PAGE, 0.8 + 0.85 * max(len(runs), 1), layout="constrained")
-    handles = {}
     for axes, run in zip(figure.subplots(max(len(runs), 1), 1, squeeze=False).flat, runs, strict=False):
         t, speed = np.asarray(run.overview).T
         axes.plot(t, speed, color=PALETTE[0], linewidth=0.5)
         for start, stop in run.segments:
             name = f"the part that counts, {'found where it moves' if run.detected else 'named'}"
-            handles[name] = axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0)
+            axes.axvspan(start, stop, color=PALETTE[1], alpha=0.18, linewidth=0, label=name)
         axes.set_ylabel("|ω| [rad/s]")
         axes.set_title(label(run.file), loc="left")
         axes.set_xlim(t[0], t[-1])
     axes.set_xlabel("time from the run's start [s]")
-    figure.legend(handles.values(), handles, loc="outside upper center", ncols=2)
+    legend_above(figure)
     return figure

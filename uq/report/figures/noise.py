@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import FigureBase
 
 from uq.recorded.still_noise import TARGETS, ChannelNoise
-from uq.report.figures.style import AXIS_COLOURS, PAGE, new_figure
+from uq.report.figures.style import AXIS_COLOURS, PAGE, legend_above, new_figure
 
 TITLES = {"F": "force [N]", "M": "moment [N·m]", "omega": "angular velocity [rad/s]", "f": "specific force [m/s²]"}
 
@@ -28,5 +28,5 @@ def allan_deviations(channels: Sequence[ChannelNoise]) -> FigureBase:
                 panel.plot(tau, channel.deviation, "o", color=colour, markersize=2, label=f"b{channel.axis + 1}")
                 panel.plot(tau, fit, color=colour)
         panel.set(xscale="log", yscale="log", xlabel="averaging time [s]", ylabel=TITLES[quantity])
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    legend_above(figure)
     return figure

@@ -16,7 +16,7 @@ from uq.campaign.averages import average
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
 from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
-from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, new_figure
+from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, legend_above, new_figure
 
 AXES = ("b1", "b2", "b3")
 POINTS = 8000
@@ -139,7 +139,7 @@ def averages(
     bottom.tick_params(axis="x", length=0)
     bottom.grid(axis="y", color=GRID, linewidth=0.5)
     bottom.set_xticks(x, [label(name) for name in names])
-    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    legend_above(figure)
     figure.align_ylabels()
     return figure
 

@@ -75,10 +75,30 @@ def coloured_parts(names: Sequence[str], shares_of: Any) -> list[tuple[str, str,
     return [*parts, *([(f"{len(rest)} others", OTHERS, shares_of[rest].sum(axis=0))] if rest else [])]
 
 
+def legend_above(figure: Any) -> None:
+    """Put a legend of all panels above them, each name once, in as many columns as fit."""
+    entries: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(name, handle)
+    figure.legend(entries.values(), entries, loc="outside upper center", ncols=columns(list(entries), width_of(figure)))
+
+
 def columns(names: Sequence[str], width: float) -> int:
     """Return how many columns of a legend fit a width [in]: a letter takes 0.07 in, what stands before a name 0.45."""
     widths = [0.45 + 0.07 * len(name) for name in names]
-    return len(names) if sum(widths) <= width else max(1, int(width / max(widths)))
+    return max(1, len(names) if sum(widths) <= width else int(width / max(widths)))
+
+
+def stacked(axes: Any, parts: Sequence[tuple[str, str, Any]], thickness: float) -> None:
+    """Draw bars from left to right, one on the end of another: name, colour and lengths of each part."""
+    base = 0.0
+    for name, colour, lengths in parts:
+        axes.barh(
+            range(len(lengths)), lengths, thickness, left=base, color=colour, edgecolor="white", linewidth=0.3,
+            label=name,
+        )  # fmt: skip
+        base = base + lengths
 
 
 def on(colour: str) -> str:

@@ -5,6 +5,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import common, fixed, significant, with_uncertainty
 from identify.text_tables import Table, one_line, sentence
 from uq.planning.required_duration import average
+from uq.planning.sensor_worth import BOTH
 from uq.report.drawing import drawing
 from uq.report.input_tables import source_tables
 from uq.tracking.achieved_motion import Achieved
@@ -45,16 +46,10 @@ def section(result: Achieved) -> Section:
 
 def _summary(result: Achieved) -> str:
     """The averages in one line."""
-    averages = [
-        f"{goal} {achieved} g·m² (planned {planned})"
-        for goal in ("moments", "products")
-        for achieved, planned in [
-            [
-                significant(GRAM_METRE * average((s / 3) ** 2, goal))
-                for s in (result.three_sigma, result.planned_three_sigma)
-            ]
-        ]
-    ]
+    averages = []
+    for goal in BOTH:
+        achieved, planned = (GRAM_METRE * average(s, goal) for s in (result.three_sigma, result.planned_three_sigma))
+        averages.append(f"{goal} {significant(achieved)} g·m² (planned {significant(planned)})")
     return f"average 3σ of what was run: {', '.join(averages)}"
 
 

@@ -14,7 +14,6 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import common, fixed, significant
 from identify.text_tables import Table, sentence
 from uq.motion_design.arm.arm_report import ArmDesignReport
-from uq.motion_design.arm.predicted_payload import average_expanded
 from uq.motion_design.commanded import PlatformCommand
 from uq.motion_design.hexapod.design import Design
 from uq.motion_design.hexapod.design_report import DesignReport
@@ -120,7 +119,7 @@ def platform_section(report: DesignReport) -> Section:
 def arm_title(report: ArmDesignReport) -> str:
     """Return what the design promises, what limits it, and how the simulation went, a line each."""
     design, run = report.design, report.run
-    least, random = (average_expanded(design.motions[name].covariance) for name in ("designed", "random"))
+    least, random = (design.motions[name].averages for name in ("designed", "random"))
     moments, products = (
         f"{GRAM_METRE * least[what]:.3g} g·m² ({_change(least[what], random[what])} %)" for what in BOTH
     )
@@ -140,7 +139,7 @@ def arm_tables(report: ArmDesignReport) -> list[Table]:
     motions = []
     for name, candidate in design.motions.items():
         mass, *r_cg_and_tensor = GRAM_METRE * candidate.expanded
-        averages = [GRAM_METRE * x for x in average_expanded(candidate.covariance).values()]
+        averages = [GRAM_METRE * x for x in candidate.averages.values()]
         values = (mass, max(r_cg_and_tensor[:3]), *r_cg_and_tensor[3:], *averages)
         motions.append([NAMES[name], *(f"{x:.3g}" for x in values)])
     head = ["3σ", "mass, g", "r_CG, mm", *(f"{name}, g·m²" for name in COMPONENTS), *BOTH]
@@ -246,8 +245,8 @@ def _sources(report: DesignReport) -> Table:
     head = ["alone, g·m²", *(f"{name}, {goal}" for name in report.laws for goal in BOTH)]
     rows = []
     for source in report.laws[NAME].sources:
-        variances = [np.diag(breakdown.sources[source].covariance) for breakdown in report.laws.values()]
-        cells = [_figure(average(variance, goal)) for variance in variances for goal in BOTH]
+        alone = [breakdown.sources[source].three_sigma for breakdown in report.laws.values()]
+        cells = [_figure(average(three_sigma, goal)) for three_sigma in alone for goal in BOTH]
         rows.append([source.replace("_", " "), *cells])
     return Table("Each source alone: average 3σ, g·m²", head, rows)
 

@@ -6,12 +6,10 @@ from identify.joint.cramer_rao_bound import Bound
 from identify.reporting import Drawing, Section, uncaptioned
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rounding import beside_uncertainty, common_power, fixed, in_power, rounded, significant, with_uncertainty
+from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.bodies.export import Exported
 from uq.bodies.reference import Reference
-from uq.coverage.coverage_intervals import Verdict
-from uq.identification.run_scatter import ScatterVerdict
 from uq.propagation.law_of_propagation import LinearLaw
 from uq.propagation.propagation_of_distributions import Propagation
 from uq.recorded.still_noise import StillNoise
@@ -124,33 +122,6 @@ def sensitivity_notes(result: Sensitivity) -> list[str]:
     closure = ", ".join(map(with_uncertainty, result.closure, result.closure_standard_error))
     notes = [f"closure (sum of the effects over the sample variance, by output): {closure}"]
     return [*notes, SPREAD] if result.points == "quasi-random" else notes
-
-
-def verdict_tables(verdict: Verdict) -> list[Table]:
-    """Return differences, tolerance and verdict, a row an output."""
-    size = verdict.d_low.size
-    names = [f"y{k + 1}" if size > 1 else "y" for k in range(size)]
-    figures = [np.abs(np.ravel(x)) for x in (verdict.d_low, verdict.d_high, verdict.tolerance)]
-    columns = zip(names, zip(*figures, strict=True), np.ravel(verdict.holds), verdict.reasons(), strict=True)
-    rows = [[name, *map(significant, row), "yes" if held else "no", why] for name, row, held, why in columns]
-    return [Table("", ["output", "d_low", "d_high", "δ", "holds", "why"], rows)]
-
-
-def scatter_tables(verdict: ScatterVerdict) -> list[Table]:
-    """Return scatter, prediction and verdict of each component."""
-    head = ["", "standard deviation", "predicted", "ratio", "probability", "verdict"]
-    words = {-1: "less", 0: "as predicted", 1: "more"}
-    rows = [
-        [record.pop("component"), *map(significant, list(record.values())[:-1]), fixed(record["probability"], 4),
-         words[int(sign)]]
-        for record, sign in zip(verdict.records(), verdict.sign, strict=True)
-    ]  # fmt: skip
-    return [Table("", head, rows)]
-
-
-def scatter_notes(verdict: ScatterVerdict) -> list[str]:
-    """Return the verdict."""
-    return [verdict.text]
 
 
 def _column(indices: Indices, output: int | None) -> tuple[np.ndarray, np.ndarray]:

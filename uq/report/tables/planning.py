@@ -82,14 +82,14 @@ def section(plan: MeasurementPlan) -> Section:
 
 def worth_tables(worth: SensorWorth) -> list[Table]:
     """Return what halving each source's sigma does, most worth first: averages, their changes, derivatives."""
-    now = {goal: average((worth.three_sigma / 3) ** 2, goal) for goal in BOTH}
+    now = {goal: average(worth.three_sigma, goal) for goal in BOTH}
     head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
     rows = [["none", *(cell for goal in BOTH for cell in (significant(GRAM_METRE * now[goal]), "")),
              *("" for _ in COMPONENTS)]]  # fmt: skip
     for k in np.argsort(worth.halved.sum(axis=1)):
         cells = [worth.sources[k].replace("_", " ")]
         for goal in BOTH:
-            then = average((worth.halved[k] / 3) ** 2, goal)
+            then = average(worth.halved[k], goal)
             cells += [significant(GRAM_METRE * then), signed_tenth(100 * (then / now[goal] - 1))]
         rows.append([*cells, *(fixed(value, 3) for value in worth.derivative[k])])
     return [Table("", head, rows)]
@@ -163,7 +163,7 @@ def signed_tenth(value: float) -> str:
 
 
 def _average(three_sigma: np.ndarray, goal: str) -> str:
-    return significant(GRAM_METRE * average((three_sigma / 3) ** 2, goal), 3)
+    return significant(GRAM_METRE * average(three_sigma, goal), 3)
 
 
 def _as_asked(target: float) -> str:

@@ -9,15 +9,14 @@ from jaxtyping import Float
 from identify.rigid_body.inertia import MOMENTS, parallel_axis
 from identify.rigid_body.regressor import Array, library_of
 from uq.files.schema import vector
-from uq.sources.source import ErrorKind, Source
+from uq.sources.source import RigConstant, Source
 from uq.sources.source_figures import figures
 
 
-class Air(ErrorKind):
+class Air(RigConstant):
     """Air of mass θ at a stated centre."""
 
     shape = ()
-    constant = True
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity."""
@@ -32,10 +31,8 @@ class Air(ErrorKind):
 class DisplacedAir(Air):
     """Buoyancy: the force loses θ times (0, 0, g), and the moment that force's moment at the air's centre."""
 
-    name = "bias"
     targets = {"displaced_air": "kg"}
     absence = "the air has no buoyancy"
-    perturbs = {"displaced_air": "displaced_air"}
 
     def value(self, source: Source, draw: Float[Array, ""] | float) -> Float[Array, "4"]:
         """Return its mass, and mass times centre."""
@@ -46,10 +43,8 @@ class DisplacedAir(Air):
 class EntrainedAir(Air):
     """Air that moves along, of mass θ: inertia, but no weight."""
 
-    name = "bias"
     targets = {"entrained_air": "kg"}
     absence = "no air moves along with the body"
-    perturbs = {"entrained_air": "entrained_air"}
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the air's centre from the centre of gravity, and its radii of gyration."""

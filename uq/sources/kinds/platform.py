@@ -3,35 +3,26 @@
 These change the true wrench, which the load cell measures; alone they leave the estimate as it is.
 """
 
-from uq.sources.source import ErrorKind
+from uq.sources.source import RigConstant
 
 
-class Gravity(ErrorKind):
+class Gravity(RigConstant):
     """True minus stated gravity [m/s²]."""
 
-    name = "bias"
     targets = {"gravity": "m/s^2"}
     absence = "gravity is as stated"
     shape = ()
-    constant = True
-    perturbs = {"gravity": "gravity"}
 
 
-class StillPoint(ErrorKind):
+class StillPoint(RigConstant):
     """True minus believed centre of gravity from the platform's centre, in B [m]: another point keeps still."""
 
-    name = "bias"
     targets = {"r_cg_from_omb": "m"}
     absence = "the point that keeps still is as stated"
-    constant = True
-    perturbs = {"r_cg_from_omb": "r_cg_from_omb"}
 
 
-class Tilt(ErrorKind):
+class Tilt(RigConstant):
     """Rotation vector in A that takes the level attitude to the true one at the start [rad]."""
 
-    name = "bias"
     targets = {"tilt": "rad"}
     absence = "the platform starts level"
-    constant = True
-    perturbs = {"tilt": "tilt"}
