@@ -8,7 +8,7 @@ from .campaign.campaign_options import SamplingPlan as SamplingPlan
 from .campaign.campaign_result import MonteCarloResult as MonteCarloResult
 from .campaign.simulation import simulate as simulate
 from .experiment.experiment import Experiment as Experiment
-from .files.document import ExperimentError as ExperimentError
+from .files.mistakes import ExperimentError as ExperimentError
 from .identification.identify_files import identify_files as identify_files
 from .identification.static_centre import centre_file as centre_file
 from .identification.tare import tare_files as tare_files

@@ -21,7 +21,7 @@ from identify.rounding import fixed, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.trial_setup import setting_of
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
 from uq.sources.draws import draw_constants

@@ -11,7 +11,7 @@ from identify.rigid_body.rotation import from_axes
 from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder, sphere
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.rotation_key import ROTATION
 from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 

@@ -35,7 +35,8 @@ from uq.bodies.drawing import (
     drawing,
 )  # fmt: skip
 from uq.bodies.exported_body import principal_axes
-from uq.files.document import ExperimentError, in_file, read_document
+from uq.files.document import in_file, read_document
+from uq.files.mistakes import ExperimentError
 from uq.files.rotation_key import ROTATION
 from uq.files.schema import declared_table
 from uq.sources.distributions import Distribution

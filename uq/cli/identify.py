@@ -6,7 +6,7 @@ from identify import methods
 from identify.reporting import Result
 from uq.bodies import export_formats
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import check_tare, tare_files
 from uq.recorded.mounting import names

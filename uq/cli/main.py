@@ -16,7 +16,7 @@ from typing import NoReturn
 from identify.rounding import concise
 from rig import read_limits
 from rig.exceptions import cure, on_one_line, quoted
-from uq.files.document import MISTAKES
+from uq.files.mistakes import MISTAKES
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.terminal.standard_streams import ShownText, shown_streams

@@ -170,7 +170,7 @@ def _beside(
 def _identified(path: Path, experiment: str, reached: float | None, say: Callable[[str], None]) -> bool:
     """Print what ``inertia identify`` says of the file, a target that it misses first; return whether it could."""
     from uq.experiment.experiment import Experiment
-    from uq.files.document import MISTAKES
+    from uq.files.mistakes import MISTAKES
     from uq.identification.identify_files import identify_files
     from uq.live.estimate_lines import missed
     from uq.report.certificate.certificate import Certificate

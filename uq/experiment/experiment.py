@@ -35,7 +35,8 @@ from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.experiment.undeclared_table import NONE, UndeclaredTable
 from uq.files.changed_document import with_entry, with_table
-from uq.files.document import ExperimentError, in_file, read_document
+from uq.files.document import in_file, read_document
+from uq.files.mistakes import ExperimentError
 from uq.files.plain_values import plain_values
 from uq.files.schema import declared_table
 from uq.sources.changed_source import changed_source, without_sources

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from rig.exceptions import RigError, quoted
-from uq.files.document import ExperimentError, read_document
+from uq.files.document import read_document
+from uq.files.mistakes import ExperimentError
 
 SAMPLES = "samples"
 """Key of a source that names a file, beside the one in which it stands."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identify.motion.multisine import Multisine
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 COORDINATES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 """Displacement of the platform's centre in A, and rotation vector."""

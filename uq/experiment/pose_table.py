@@ -14,7 +14,7 @@ from identify.static.pose_fit import Attitudes
 from rig.exceptions import quoted
 from rig.toml_tables import WrongKeyError, written
 from uq.files.csv_columns import ColumnsTable, QuaternionColumns
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.schema import Axes, in_unit
 from uq.sources.correlations import root_of
 

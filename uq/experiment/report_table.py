@@ -13,7 +13,7 @@ import msgspec
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_value, written
 from uq.experiment.conformity import Conformity
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
 
 

@@ -5,7 +5,7 @@ from copy import deepcopy
 from typing import Any
 
 from rig.exceptions import choose, quoted
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 Change = Callable[[Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]
 """Function from the keys of a table, and others to put in their place, to its new keys."""

@@ -6,18 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from identify.exceptions import RunError
-from rig.exceptions import RigError
 from rig.read_limits import require_file
 from rig.toml_tables import TomlError, parse_toml
-
-
-class ExperimentError(ValueError):
-    """A mistake in an experiment file, in one line: what, where, what to do."""
-
-
-MISTAKES = (ExperimentError, RunError, RigError)
-"""Errors of a user's mistake, each one line."""
+from uq.files.mistakes import ExperimentError
 
 
 def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:

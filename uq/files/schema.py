@@ -15,7 +15,7 @@ import numpy as np
 
 from rig.exceptions import quoted
 from rig.toml_tables import TomlError, TomlTable, read_table, read_value, written
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.units import quantity
 
 T = TypeVar("T")

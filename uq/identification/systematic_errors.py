@@ -27,7 +27,7 @@ from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
 from uq.identification.centre_errors import (
     Shared,

@@ -17,7 +17,7 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import value_and_jacobian
 from identify.rounding import exact
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.centre_prior import with_mass_and_centre
 from uq.identification.identify_files import WITH_FIXTURE, identify_files
 

@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
 
     jax.config.update("jax_enable_x64", True)
     from uq.files.compilation_cache import keep_compiled
-    from uq.files.document import MISTAKES
+    from uq.files.mistakes import MISTAKES
     from uq.live.estimator import LiveEstimator
     from uq.live.viewer import Viewer
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from identify.rounding import significant
 from rig.exceptions import quoted
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.sources.draws import Mixing
 from uq.sources.source import SignalRange, Source
 

@@ -9,7 +9,7 @@ import numpy as np
 from identify.signals.run import RunError
 from rig.exceptions import listed, quoted
 from uq.experiment.recording_table import RecordingTable
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
 ONE_TURN = 2 * np.pi * (1 + 1e-6)

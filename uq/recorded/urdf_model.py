@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from rig.exceptions import RigError, listed, on_one_line, quoted, reason
 from rig.read_limits import require_file
 from uq.experiment.arm_table import Written
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 LARGEST = 2**24
 """Bytes of a URDF."""

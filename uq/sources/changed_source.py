@@ -5,7 +5,7 @@ from typing import Any
 
 from rig.exceptions import listed, quoted
 from uq.files.changed_document import with_keys
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.sources.source import KINDS, Source
 from uq.sources.source_width import WIDTHS
 

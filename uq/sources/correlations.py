@@ -7,7 +7,7 @@ import numpy as np
 
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, written
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.source import Source

@@ -8,7 +8,7 @@ import numpy as np
 
 from rig.exceptions import quoted
 from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, check_correlation, link_of, mixing_of
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing, stream_number

@@ -13,7 +13,7 @@ from rig.mcap.message_definitions import POSE
 from rig.mcap.message_fields import JOINTS
 from rig.runs import write
 from uq.experiment.recording_table import UNITS, RecordingTable
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.units import scale
 from uq.recorded.declared_channels import declared

@@ -15,7 +15,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
 from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.csv_columns import CsvTable, read_columns
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.table_layout import known_unit
 from uq.files.units import scale

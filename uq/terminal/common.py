@@ -15,7 +15,7 @@ import jax
 
 from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 GOES_ON = "the same command goes on from there"
 """Advice for an interrupted command that keeps its results so far."""

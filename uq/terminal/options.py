@@ -3,7 +3,7 @@
 import argparse
 
 from rig.exceptions import quoted
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.units import UnitError, quantity
 
 

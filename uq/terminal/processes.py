@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rig.exceptions import on_one_line, quoted
-from uq.files.document import MISTAKES, ExperimentError
+from uq.files.mistakes import MISTAKES, ExperimentError
 from uq.terminal.options import whole_number
 from uq.trials import distributed as cluster
 from uq.trials.watchdog import LOST

@@ -20,7 +20,7 @@ import numpy as np
 
 from rig.atomic_files import replacing
 from rig.read_limits import parse_json, require_file
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.sources.draws import stream_number
 from uq.trials.distributed import is_first
 from uq.trials.engine import Estimates

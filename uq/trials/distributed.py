@@ -17,7 +17,7 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from rig.exceptions import reason
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.trials.watchdog import LOST_LINE, patient, say_met
 
 T = TypeVar("T")

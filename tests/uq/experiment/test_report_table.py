@@ -12,7 +12,7 @@ from tests.helpers.report_tables import FULL, ROOT, T1
 from uq.cli.schema import file_schema
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import cautions, parse_report, read
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 
 def report(text):

@@ -8,7 +8,7 @@ import pytest
 from tests.helpers.laboratory_files import quantities
 from uq.experiment.experiment import Experiment
 from uq.experiment.undeclared_table import NONE, UndeclaredTable
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 DOCS = Path(__file__).parents[3] / "docs"
 

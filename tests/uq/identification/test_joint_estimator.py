@@ -25,7 +25,7 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import RecordingTable
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
 from uq.identification.identify_files import identify_files
 from uq.planning.experiment_bound import bound as uq_bound

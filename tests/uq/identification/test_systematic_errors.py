@@ -14,7 +14,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Rest, RunError
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification import systematic_errors
 from uq.identification.systematic_errors import (
     HELD,

@@ -11,7 +11,7 @@ from tests.helpers.equal_runs import OWN, pooled
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.run_scatter import pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
 from uq.recorded.mounting import labelled, names

@@ -6,7 +6,7 @@ import pytest
 from identify.exceptions import RunError
 from rig.toml_tables import TomlError
 from tests.helpers import posed_runs
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings
 from uq.recorded.load_run import load_run

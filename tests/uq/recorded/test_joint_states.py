@@ -15,7 +15,7 @@ from identify.signals.run import RunError
 from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load, load_run
 

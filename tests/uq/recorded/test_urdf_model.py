@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from uq.cli.main import main
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.recorded.urdf_model import DEEPEST, LARGEST, MOST_LINKS, MOST_NESTED, urdf_model, urdf_text
 
 EXPERIMENTS = Path(__file__).parents[3] / "uq" / "examples"

@@ -14,7 +14,7 @@ from tests.helpers.source_lab import BY_SAMPLES, experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.report.report_files import write as write_report
 from uq.sources.source import KINDS
 

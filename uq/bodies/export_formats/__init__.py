@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from rig.exceptions import quoted
 from uq.bodies.exported_body import ExportedBody
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 
 ENTRIES = entry_points(group="inertia_uq.exports")
 

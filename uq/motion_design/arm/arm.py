@@ -14,7 +14,7 @@ from identify.serial_arm.serial_chain import SerialChain
 from rig.exceptions import listed, quoted
 from uq.experiment.arm_table import DeclaredArm, JointTable, Written
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.recorded.urdf_model import frame_number, joint_axis, urdf_model
 
 UNITS = {"position": ("rad", "m"), "speed": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2"),

@@ -13,7 +13,7 @@ from identify.rigid_body.inertia import Body
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.serial_chain import LinkMotion, driven, poses
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.clearance import Clearance
 from uq.motion_design.search import in_pieces

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from identify.serial_arm.serial_chain import poses
 from rig.exceptions import reason
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.collision_meshes import with_mesh_files
 from uq.recorded.urdf_model import silence, urdf_text

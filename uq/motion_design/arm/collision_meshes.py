@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 from rig.exceptions import quoted
 from uq.experiment.arm_table import DeclaredArm
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.recorded.urdf_model import urdf_robot
 
 PACKAGE = ("package://", "model://")

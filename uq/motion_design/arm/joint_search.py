@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from identify.motion.limit_peaks import Peak
 from identify.motion.optimiser import Lagrangian
 from identify.serial_arm.joint_series import JointSeries, bases, combined
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.largest_motion import enlarged, largest_size
 from uq.motion_design.arm.predicted_payload import WrenchNoise, promised, ten_parameters

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from identify.motion.limit_peaks import Peak
 from identify.serial_arm.joint_series import JointSeries, JointStates
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.search import bisected
 

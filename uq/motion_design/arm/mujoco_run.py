@@ -17,7 +17,7 @@ from identify.motion.limit_peaks import Peak, largest_uses
 from identify.rigid_body.inertia import Body, unpack
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from rig.exceptions import RigError, reason
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.collision_meshes import with_mesh_files
 

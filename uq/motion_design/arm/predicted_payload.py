@@ -11,7 +11,7 @@ from identify.rigid_body.inertia import Body
 from identify.serial_arm.payload_information import covariance_about_cg, information
 from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.gram_sums.cases import Case
 from uq.propagation.beyond_the_law import ANYWHERE
 from uq.propagation.inputs import constants_of, inputs_of_cases

@@ -9,7 +9,7 @@ from identify.motion.leg_limits import Limits
 from identify.motion.limit_peaks import Peak
 from identify.reporting import Shown
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.design_goal import GOALS, OBJECTIVES, Measure, goal_of
 from uq.motion_design.hexapod.design_bound import DesignBound, design_bound
 from uq.motion_design.hexapod.design_search import GRID, searches

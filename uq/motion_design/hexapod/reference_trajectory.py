@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identify.motion.leg_limits import Limits
 from identify.signals.estimator_spec import EstimatorSpec
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.design_goal import Measure, expanded
 from uq.motion_design.hexapod.designed_experiment import NAME
 from uq.motion_design.hexapod.rig_limits import FROM_LIMIT, largest_size, reduced

@@ -11,7 +11,7 @@ from identify.motion.leg_limits import Effort, Limits, needs, peaks
 from identify.motion.limit_peaks import Peak
 from identify.motion.stewart_platform import lengths
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.search import bisected, in_pieces
 from uq.planning.platform_run import effort_of, motion_at, peaks_at_home
 from uq.trials.progress_bar import Progress

@@ -12,7 +12,7 @@ import pytest
 from identify.serial_arm.joint_series import JointStates
 from rig.exceptions import RigError
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.clearance import Clearance

@@ -22,7 +22,7 @@ from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.motion_design.arm.arm_design import design_arm, goal_function
 from uq.motion_design.arm.arm_report import arm_report

@@ -13,7 +13,7 @@ import pytest
 from identify.motion.leg_limits import effort, peaks, platform_motion
 from tests.helpers.platform_experiment import on_a_platform
 from uq.experiment.experiment import Experiment
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.motion_design.design_goal import GOALS, goal_of, principal_slope
 from uq.motion_design.hexapod.design import Design, design
 from uq.motion_design.hexapod.design_bound import RELAXED, design_bound

@@ -18,7 +18,7 @@ from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.multisine_table import COLUMNS, multisine_csv
 from uq.experiment.platform_table import GEOMETRIES, LimitsTable, PlatformTable
-from uq.files.document import ExperimentError
+from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
 
 
