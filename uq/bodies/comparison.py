@@ -119,7 +119,7 @@ class Comparison(Result):
         measured, expected = (zip(ten.values, ten.standard_uncertainty, strict=True) for ten in (result, reference))
         for k, (name, ours, theirs) in enumerate(zip(PARAMETERS[:4], measured, expected, strict=False)):
             if np.isfinite([*ours, theirs[0]]).all():
-                yield k, name, *map(float, (*ours, *theirs))
+                yield k, name, float(ours[0]), float(ours[1]), float(theirs[0]), float(theirs[1])
 
     def records(self) -> list[dict[str, Any]]:
         """Return the figures of each component [kg·m²]."""

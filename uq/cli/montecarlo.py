@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from identify.reporting import Result
 from uq.campaign.campaign import MOST_TRIALS, TRIALS, montecarlo
@@ -14,9 +15,9 @@ from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
-from uq.terminal.common import GOES_ON, keep, output_folder, show, start_jax
+from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_samples_options, positive_quantity, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
+from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
@@ -78,16 +79,12 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
             name: None if folder is None else Checkpoint(checkpoint_folder(folder), say=say)
             for name, folder in folders.items()
         }
-        try:
+        with resumable(out, arguments):
             results = {
                 name: _campaign(arguments, name, experiment, checkpoints[name], goal, speaks)
                 for name, experiment in experiments.items()
             }
             more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
-        except KeyboardInterrupt as error:
-            if out is None or arguments.distributed:
-                raise
-            raise KeyboardInterrupt(GOES_ON) from error
         if not speaks:
             return 0
         for name, result in results.items():
@@ -119,11 +116,7 @@ def _campaign(
 ) -> MonteCarloResult:
     with TerminalBar(silent=not speaks) as bar:
         return montecarlo(
-            experiment,
-            trials=arguments.trials,
-            seed=arguments.seed,
-            trajectories=arguments.trajectory,
-            estimators=arguments.estimator,
+            experiment, trials=arguments.trials, **_choices(arguments),
             plan=SamplingPlan(
                 engine="samples" if arguments.samples else "sums",
                 points="quasi-random" if arguments.quasi_random else "random", dtype=arguments.dtype, goal=goal,
@@ -133,6 +126,13 @@ def _campaign(
                 progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
             ),
         )  # fmt: skip
+
+
+def _choices(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Seed, trajectories and estimators, which campaign and budget share."""
+    return {
+        "seed": arguments.seed, "trajectories": arguments.trajectory, "estimators": arguments.estimator,
+    }  # fmt: skip
 
 
 def _goal(arguments: argparse.Namespace) -> Goal | None:
@@ -158,13 +158,8 @@ def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) ->
         return []
     with TerminalBar() as bar:
         result = budget(
-            experiment,
-            trials=arguments.budget,
-            seed=arguments.seed,
-            trajectories=arguments.trajectory,
-            estimators=arguments.estimator,
-            engine="samples" if arguments.samples else "sums",
-            dtype=arguments.dtype,
+            experiment, trials=arguments.budget, **_choices(arguments),
+            engine="samples" if arguments.samples else "sums", dtype=arguments.dtype,
             progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
-        )
+        )  # fmt: skip
     return [result]

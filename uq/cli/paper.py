@@ -8,9 +8,9 @@ from uq.barreto2016 import paper
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
-from uq.terminal.common import GOES_ON, keep, output_folder, show, start_jax
+from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_samples_options, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_folder, together
+from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
 
@@ -40,12 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
 
             plan = SamplingPlan(engine="samples" if arguments.samples else "sums", dtype=arguments.dtype)
             options = RunOptions(checkpoint=checkpoint, progress=progress, shown=show_rows)
-            try:
+            with resumable(out, arguments):
                 result = paper(trials=arguments.trials, seed=arguments.seed, plan=plan, options=options)
-            except KeyboardInterrupt as error:
-                if checkpoint is None or arguments.distributed:
-                    raise
-                raise KeyboardInterrupt(GOES_ON) from error
         if speaks:
             keep(out, result)
             if checkpoint is not None:

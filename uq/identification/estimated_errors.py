@@ -72,7 +72,6 @@ def draw_root(source: Source, mixing: Collection[Mixing]) -> np.ndarray:
     sigma = np.broadcast_to(np.asarray(source.standard_deviation, float), np.shape(source.sigma)).ravel()
     for mix in mixing:
         if source.name in mix.names:
-            first = sum(mix.axes[: mix.names.index(source.name)])
-            here = slice(first, first + len(sigma))
+            here = mix.places[source.name]
             return root_of(np.asarray(mix.correlation)[here, here] * np.outer(sigma, sigma))
     return np.diag(sigma)

@@ -97,15 +97,16 @@ def mixing_of(entries: Sequence[SourceEntry], links: Sequence[Link]) -> tuple[Mi
 
 def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
     names, axes = zip(*((entry.source.name, int(np.size(entry.source.sigma))) for entry in members), strict=True)
-    axes_of = {name: slice(end - n, end) for name, n, end in zip(names, axes, np.cumsum(axes), strict=True)}
     matrix = np.eye(sum(axes))
+    mixing = Mixing(names, axes, matrix)
+    axes_of = mixing.places
     for entry in members:
         if entry.correlation is not None:
             matrix[axes_of[entry.source.name], axes_of[entry.source.name]] = entry.correlation
     for rows, columns, coefficients in ((axes_of[a], axes_of[b], c) for (a, b), c in links if a in axes_of):
         matrix[rows, columns], matrix[columns, rows] = coefficients, coefficients.T
     check_correlation(f"correlation of {', '.join(names)}", matrix)
-    return Mixing(names, axes, matrix)
+    return mixing
 
 
 def root_of(covariance: np.ndarray) -> np.ndarray:

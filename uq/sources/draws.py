@@ -32,6 +32,12 @@ class Mixing(Pytree):
     correlation: Float[Array | np.ndarray, "k k"]
     """Correlation of all drawn values, in the order of the names."""
 
+    @property
+    def places(self) -> dict[str, slice]:
+        """Places of each source's values among all of them."""
+        ends = np.cumsum(self.axes).tolist()
+        return {name: slice(end - n, end) for name, n, end in zip(self.names, self.axes, ends, strict=True)}
+
     def mixed(self, drawn: Mapping[str, Inexact[Array, "..."]]) -> dict[str, Inexact[Array, "..."]]:
         """Return independent standard normal draws, made correlated; axes lead, other sources stay as they are.
 
@@ -47,9 +53,7 @@ class Mixing(Pytree):
 
     def _root(self, here: Sequence[str]) -> Float[Array, "k k"]:
         """The triangular root of the correlations of those that are here; nearly so if some go together wholly."""
-        ends = np.cumsum(self.axes)
-        places = [np.arange(e - n, e) for name, n, e in zip(self.names, self.axes, ends, strict=True) if name in here]
-        index = np.concatenate(places)
+        index = np.r_[tuple(self.places[name] for name in here)]
         small = 16 * float(jnp.finfo(float).eps)
         root = jnp.linalg.cholesky(jnp.asarray(self.correlation)[np.ix_(index, index)] + small * jnp.eye(len(index)))
         return root / jnp.linalg.norm(root, axis=1, keepdims=True)

@@ -281,11 +281,7 @@ class ErrorKind:
         raise NotImplementedError(f"{self.name} draws no samples")
 
     def sensed(
-        self,
-        signal: Float[Array, "3 n"],
-        sources: Sequence[Source],
-        acting: Sequence[Any],
-        draws: Mapping[str, Array],
+        self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
     ) -> Float[Array, "3 n"]:
         """Return what all sources of this kind on one signal make of its samples.
 
@@ -293,7 +289,6 @@ class ErrorKind:
             signal: with constant errors and noise, and what kinds of a lower stage made of it.
             sources: of this kind, on this signal.
             acting: of each, whether it acts in the case that is computed: a truth value, often traced.
-            draws: what constant sources drew in this trial [SI], by name.
         """
         return signal
 

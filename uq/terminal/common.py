@@ -17,8 +17,6 @@ from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
 from uq.files.mistakes import ExperimentError
 
-GOES_ON = "the same command goes on from there"
-"""Advice for an interrupted command that keeps its results so far."""
 TRIED = 2**20
 """Bytes that an output folder must take before the work begins: a report has a megabyte."""
 

@@ -88,3 +88,14 @@ def _end(error: BaseException) -> None:
 def checkpoint_folder(folder: Path) -> Path:
     """Return the folder of finished trials, in an output folder, until the result is written."""
     return folder / "checkpoint"
+
+
+@contextlib.contextmanager
+def resumable(folder: Path | None, arguments: argparse.Namespace) -> Iterator[None]:
+    """Let Ctrl-C say that the same command goes on, where one process keeps its finished trials in a folder."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if folder is None or arguments.distributed:
+            raise
+        raise KeyboardInterrupt("the same command goes on from there") from error

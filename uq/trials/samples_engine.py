@@ -151,7 +151,7 @@ def sensed(
     Args:
         engine: of the trial.
         signals: smooth.
-        draws: what constant sources drew, and the noise of the others, by name.
+        draws: the noise of each source, by name.
         acting: of each source, whether it acts.
     """
     measured = []
@@ -163,7 +163,7 @@ def sensed(
         kinds = {source.error_kind for source, _ in sources if source.error_kind.stage is not None}
         for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.name)):
             members, acting_members = zip(*((s, acts) for s, acts in sources if s.error_kind is kind), strict=True)
-            signal = kind.sensed(signal, members, acting_members, draws)
+            signal = kind.sensed(signal, members, acting_members)
         measured.append(signal)
     return SensorRecord(*measured)
 

@@ -296,8 +296,7 @@ def white_covariance(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Flo
     spread = {s.name: np.eye(6, 3, -CELL_CHANNELS[s.target]) * np.asarray(s.standard_deviation)[None] for s in sources}
     total = sum((x @ x.T for x in spread.values()), np.zeros((6, 6)))
     for mix in mixing:
-        ends = np.cumsum(mix.axes)
-        places = {name: slice(e - n, e) for name, n, e in zip(mix.names, mix.axes, ends, strict=True) if name in spread}
+        places = {name: place for name, place in mix.places.items() if name in spread}
         for (first, rows), (second, columns) in product(places.items(), repeat=2):
             independent = np.eye(3) if first == second else 0.0
             total += spread[first] @ (np.asarray(mix.correlation)[rows, columns] - independent) @ spread[second].T

@@ -1,6 +1,6 @@
 """Quantisation: a sensor's finite resolution."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -34,11 +34,7 @@ class Quantisation(ErrorKind):
     stage = 20
 
     def sensed(
-        self,
-        signal: Float[Array, "3 n"],
-        sources: Sequence[Source],
-        acting: Sequence[Any],
-        draws: Mapping[str, Array],
+        self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
     ) -> Float[Array, "3 n"]:
         """Return the signal, rounded to the coarsest of the steps."""
         steps = [source.settings["step"] for source in sources]

@@ -1,6 +1,6 @@
 """Saturation: the end of a sensor's range."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -27,11 +27,7 @@ class Saturation(ErrorKind):
         return source
 
     def sensed(
-        self,
-        signal: Float[Array, "3 n"],
-        sources: Sequence[Source],
-        acting: Sequence[Any],
-        draws: Mapping[str, Array],
+        self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
     ) -> Float[Array, "3 n"]:
         """Return the signal within the narrowest of the ranges."""
         limits = [source.settings["limit"] for source in sources]
