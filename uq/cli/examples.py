@@ -6,8 +6,6 @@ from pathlib import Path
 
 from rig.exceptions import RigError, quoted
 
-ERRORS = (RigError,)
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
