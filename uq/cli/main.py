@@ -130,9 +130,10 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         if status is not None:
             return status
         sys.stderr = ShownText(sys.stderr)  # divided, it is another one
-    concisely = "--concise" in rest
-    if concisely:
+    notation: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+    if "--concise" in rest:
         rest.remove("--concise")
+        notation = concise()
     if "--no-cache" in rest:
         rest.remove("--no-cache")
         os.environ["INERTIA_CACHE"] = "off"
@@ -147,7 +148,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     parser = CommandParser(prog=f"inertia {name}", description=COMMANDS[name])
     module.configure(parser)
     try:
-        with interrupt.raising() if interrupt else contextlib.nullcontext(), _notation(concisely):
+        with interrupt.raising() if interrupt else contextlib.nullcontext(), notation:
             return module.run(parser.parse_args(rest, argparse.Namespace(by_itself=by_itself)))
     except MISTAKES as error:
         _complain(str(error))
@@ -155,13 +156,6 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         if by_itself:  # Python's end would look for circles among objects that end with it (0.4 s)
             gc.freeze()
     return 2
-
-
-def _notation(concisely: bool) -> contextlib.AbstractContextManager[None]:
-    """Return the context in which uncertainties are printed as 374.9 ± 4.9, or concisely as 374.9(4.9)."""
-    if not concisely:
-        return contextlib.nullcontext()
-    return concise()
 
 
 def _other_identify() -> str | None:

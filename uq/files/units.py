@@ -84,7 +84,7 @@ def quantity(text: object, unit: str) -> float:
             raise ValueError("no number, or more digits than any measurement has")
         value = float(number) * _factor(name.strip(), unit)
     except DimensionError:
-        meant = _meant(name.strip(), unit, known=True)
+        meant = _meant(name.strip(), unit, is_unit=True)
         raise UnitError(f"is {quoted(text)}: {meant}write a unit of the same dimension as {unit}") from None
     except UNREADABLE:
         meant = _meant(name.strip(), unit)
@@ -103,14 +103,14 @@ def scale(name: str, unit: str) -> float:
     try:
         return _factor("standard_gravity" if (name, unit) == ("g", "m/s^2") else name, unit)
     except DimensionError:
-        meant = _meant(name, unit, known=True)
+        meant = _meant(name, unit, is_unit=True)
         raise UnitError(f"is {quoted(name)}: {meant}write the name of a unit of the same dimension as {unit}") from None
     except UNREADABLE:
         raise UnitError(f"is {quoted(name)}: {_meant(name, unit)}write the name of a unit, such as {unit}") from None
 
 
-def _meant(name: str, unit: str, *, known: bool = False) -> str:
-    """``did you mean …? `` of a unit of the asked dimension; ``known``: the name is a unit, of another dimension."""
+def _meant(name: str, unit: str, *, is_unit: bool = False) -> str:
+    """``did you mean …? `` of a unit of the asked dimension; ``is_unit``: of another dimension."""
     if _fits(name, unit):
         return ""  # it is the number that cannot be read
     for pound in ("lb", "lbf"):  # of mass, or of force
@@ -121,7 +121,7 @@ def _meant(name: str, unit: str, *, known: bool = False) -> str:
     for candidate in names:
         if candidate.translate(SPELLING).casefold() == name.translate(SPELLING).casefold():
             return f"did you mean {candidate}? "
-    return "" if known else nearest(name, names)
+    return "" if is_unit else nearest(name, names)
 
 
 def _fits(name: str, unit: str) -> bool:

@@ -181,15 +181,15 @@ def weighted_sums(
         centred: whether the signals' means are taken off.
         rest: readings of the load cell that are taken off; None: none.
     """
-    every = np.eye(SIGNALS)
-    force, moment = every[FORCE].copy(), np.zeros((3, SIGNALS))
+    signal = np.eye(SIGNALS)
+    force, moment = signal[FORCE].copy(), np.zeros((3, SIGNALS))
     if rest is not None:
         force[:, 0] -= rest.force
     moment[:, FEATURES] = np.einsum("fai,i->af", OMEGA_R_OF_FEATURES, inertia)
     moment += np.cross(r_cg, force, axisb=0, axisc=0)
-    parts = [force, moment, *([every[10:11]] if columns.time else [])]
+    parts = [force, moment, *([signal[10:11]] if columns.time else [])]
     if columns.motion:
-        parts += [every[4:10], every[15:18], np.zeros((6, SIGNALS)), every[UP]]
+        parts += [signal[4:10], signal[15:18], np.zeros((6, SIGNALS)), signal[UP]]
     if centred:
         products = products - products[:, :, :1] * (totals / totals[:, :1])[:, None]
     return WeightedSums(products[:, :, :ELEMENTS], products[:, :, ELEMENTS:] @ np.concatenate(parts).T)

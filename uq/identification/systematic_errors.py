@@ -314,12 +314,12 @@ def _of_axes(problem: SystematicProblem, name: Name, axes: Float[Array, "k n"]) 
     """The tensor with each of some draws of one source."""
     nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}
 
-    def of(axis):
+    def tensor(axis):
         drawn = nothing | {name: axis.reshape(nothing[name].shape)}
         alone = Errors(*(leaf[0] for leaf in errors_of(problem, drawn, (frozenset([name]),))))
         return estimate(problem, [alone] * len(problem.sums))
 
-    return jax.vmap(of)(axes)
+    return jax.vmap(tensor)(axes)
 
 
 def _with_shared_errors(

@@ -196,12 +196,12 @@ def _half_width(
 
 def _undeclared(result: Identification, empty: Identification | None, jacobian: np.ndarray) -> Undeclared | None:
     """Return what undeclared errors add to the body: one rig measured both, so that they largely cancel."""
-    whole, fixture = result.undeclared, Undeclared() if empty is None else empty.undeclared
-    if whole is None or fixture is None:
+    assembly, fixture = result.undeclared, Undeclared() if empty is None else empty.undeclared
+    if assembly is None or fixture is None:
         return None
     by_fixture = {effect.name: effect.changes for effect in fixture.effects}
     effects = []
-    for effect in whole.effects:
+    for effect in assembly.effects:
         changes = jacobian[:, :10] @ effect.changes
         if effect.name in by_fixture:
             changes = changes + jacobian[:, 10:] @ by_fixture.pop(effect.name)

@@ -45,12 +45,12 @@ def _motion(law: PreparedLaw, name: str) -> dict[str, tuple[float, list[np.ndarr
         return {}
     now = _parts(law, name, spec)
     least = min(max(1 / LARGEST, 1.001 * shortest(spec) / spec.duration), 1.0)
-    found = {}
+    effects = {}
     for key, lowest in (("duration", least), ("amplitude", 1 / LARGEST)):
         factors = [f for f in (lowest, LARGEST) if f != 1]
         parts = [_parts(law, name, changed(spec, **{"duration": 1.0, "amplitude": 1.0, key: f})) for f in factors]
-        found[key] = lowest, [_parabola(factors, [p[k] / _divisor(now[k]) for p in parts]) for k in range(2)]
-    return found
+        effects[key] = lowest, [_parabola(factors, [p[k] / _divisor(now[k]) for p in parts]) for k in range(2)]
+    return effects
 
 
 def _parts(law: PreparedLaw, name: str, spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray]:

@@ -51,8 +51,8 @@ def bound(
     )
     alignment = Alignment(
         sigma_delay=float(declared_sigma(experiment.sources, "gyro_delay")),
-        sigma_rotation=_each(declared_sigma(experiment.sources, "gyro_misalignment")),
-        sigma_gyro_bias=_each(declared_sigma(experiment.sources, "gyro_bias")),
+        sigma_rotation=_by_axis(declared_sigma(experiment.sources, "gyro_misalignment")),
+        sigma_gyro_bias=_by_axis(declared_sigma(experiment.sources, "gyro_bias")),
     )
     return cramer_rao_bound.bound(
         run, experiment.body, band=motion_band(run.omega, run.rate) if band is None else band,
@@ -69,6 +69,6 @@ def _noise(experiment: Experiment, signal: int) -> np.ndarray:
     return np.sqrt(sum((source.error_kind.added_variance(source) for source in white), np.zeros(3)))
 
 
-def _each(sigma: np.ndarray) -> tuple[float, float, float]:
-    one, two, three = map(float, sigma)
-    return one, two, three
+def _by_axis(sigma: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = map(float, sigma)
+    return x, y, z

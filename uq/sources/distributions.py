@@ -78,15 +78,11 @@ class Normal(Distribution):
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
-        dtype = _float(dtype)
-        return _over(self.mean, shape, dtype) + _over(self.standard_deviation, shape, dtype) * jax.random.normal(
-            key, shape, dtype
-        )
+        return _located(self.mean, self.standard_deviation, jax.random.normal(key, shape, _float(dtype)))
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the quantiles of these probabilities."""
-        spread = _over(self.standard_deviation, shape, point.dtype)
-        return _over(self.mean, shape, point.dtype) + spread * jax.scipy.special.ndtri(point.reshape(shape))
+        return _located(self.mean, self.standard_deviation, jax.scipy.special.ndtri(point.reshape(shape)))
 
 
 class Bounded(Distribution):
@@ -113,20 +109,19 @@ class Bounded(Distribution):
 
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
         """Return independent draws of ``shape``."""
-        return self._of(jax.random.uniform(key, (self.uniforms, *shape), _float(dtype)))
+        return self._transformed(jax.random.uniform(key, (self.uniforms, *shape), _float(dtype)))
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the values of these uniform numbers."""
-        return self._of(point.reshape(self.uniforms, *shape))
+        return self._transformed(point.reshape(self.uniforms, *shape))
 
     @abstractmethod
-    def _of(self, uniform: Float[Array, "uniforms ..."]) -> Array:
+    def _transformed(self, uniform: Float[Array, "uniforms ..."]) -> Array:
         """The values of uniform numbers."""
 
     def _between(self, fraction: Array) -> Array:
         """The value that lies this fraction of the way from low to high."""
-        low, width = self.low, self.high - self.low
-        return _over(low, fraction.shape, fraction.dtype) + _over(width, fraction.shape, fraction.dtype) * fraction
+        return _located(self.low, self.high - self.low, fraction)
 
 
 class Rectangular(Bounded):
@@ -136,7 +131,7 @@ class Rectangular(Bounded):
     excess_kurtosis = -1.2
     degrees_of_freedom: Value = np.inf
 
-    def _of(self, uniform: Array) -> Array:
+    def _transformed(self, uniform: Array) -> Array:
         return self._between(uniform[0])
 
 
@@ -148,7 +143,7 @@ class Triangular(Bounded):
     excess_kurtosis = -0.6
     degrees_of_freedom: Value = np.inf
 
-    def _of(self, uniform: Array) -> Array:
+    def _transformed(self, uniform: Array) -> Array:
         return self._between((uniform[0] + uniform[1]) / 2)
 
 
@@ -159,7 +154,7 @@ class UShaped(Bounded):
     excess_kurtosis = -1.5
     degrees_of_freedom: Value = np.inf
 
-    def _of(self, uniform: Array) -> Array:
+    def _transformed(self, uniform: Array) -> Array:
         return self._between((1 + jnp.sin(2 * np.pi * uniform[0])) / 2)
 
 
@@ -201,7 +196,7 @@ class StudentT(Distribution):
         """Return independent draws of ``shape``."""
         dtype = _float(dtype)
         t = jax.random.t(key, _over(self.degrees_of_freedom, shape, dtype), shape, dtype)
-        return _over(self.mean, shape, dtype) + _over(self.scale, shape, dtype) * t
+        return _located(self.mean, self.scale, t)
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the values of these uniform numbers (Bailey 1994, doi:10.1090/S0025-5718-1994-1219705-3)."""
@@ -235,13 +230,10 @@ class CurvilinearTrapezoid(Bounded):
         w, d = (self.high - self.low) / 2, self.limit_half_width
         return (w**4 + 2 * w**2 * d**2 + d**4 / 5) / 5 / self.standard_deviation**4 - 3
 
-    def _of(self, uniform: Array) -> Array:
+    def _transformed(self, uniform: Array) -> Array:
         limits, inside = uniform
-        shape, dtype = inside.shape, inside.dtype
-        half = _over((self.high - self.low) / 2, shape, dtype) + _over(self.limit_half_width, shape, dtype) * (
-            1 - 2 * limits
-        )
-        return _over(self.mean, shape, dtype) + half * (2 * inside - 1)
+        half = _located((self.high - self.low) / 2, self.limit_half_width, 1 - 2 * limits)
+        return _located(self.mean, half, 2 * inside - 1)
 
 
 class Empirical(Distribution):
@@ -341,6 +333,11 @@ def _float(dtype: Any) -> Any:
 
 def _over(value: Value, shape: tuple[int, ...], dtype: Any) -> Array:
     return jnp.broadcast_to(jnp.asarray(value, dtype), shape)
+
+
+def _located(start: Value, width: Value, standard: Array) -> Array:
+    """``start + width * standard``, of the shape and precision of the last."""
+    return _over(start, standard.shape, standard.dtype) + _over(width, standard.shape, standard.dtype) * standard
 
 
 def _require(name: str, what: str, value: Value, holds: Any) -> None:

@@ -103,7 +103,7 @@ def largest_size(experiment: Experiment, spec_at: OfSize, limits: Limits, rate: 
     """
 
     def met(size: float) -> bool:
-        return largest_use(experiment, spec_at(size), limits, rate) <= 1 + FROM_LIMIT
+        return uses(experiment, spec_at(size), limits, rate)[0].share <= 1 + FROM_LIMIT
 
     low, high = (1.0, 1.2) if met(1.0) else (0.8, 1.0)
     if not met(low):
@@ -137,15 +137,9 @@ def reduced(
     for number in range(LOOKS):
         tell("limits", number, LOOKS)
         spec = spec_at(size)
-        use = largest_use(experiment, spec, limits, rate)
+        use = uses(experiment, spec, limits, rate)[0].share
         if use <= met:
             tell("limits", LOOKS, LOOKS)
             return spec
         size = size / (1 + WEIGHT * (use - 1))
     return None
-
-
-def largest_use(experiment: Experiment, spec: TrajectorySpec, limits: Limits, rate: float) -> float:
-    """Return the largest share of any limit over a trajectory's whole run."""
-    listed = uses(experiment, spec, limits, rate)
-    return listed[0].share if listed else 0.0

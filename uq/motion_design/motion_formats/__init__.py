@@ -47,8 +47,8 @@ class MotionFile(NamedTuple):
 
 def formats(command: type) -> list[MotionFormat]:
     """Return the formats that hold a class of commands, those of the most rows a second first."""
-    every = [entry.load() for entry in ENTRIES]
-    chosen = [motion_format for motion_format in every if motion_format.command is command]
+    all_formats = [entry.load() for entry in ENTRIES]
+    chosen = [motion_format for motion_format in all_formats if motion_format.command is command]
     return sorted(chosen, key=lambda motion_format: (-motion_format.rate, motion_format.ending))
 
 

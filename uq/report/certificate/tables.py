@@ -143,14 +143,17 @@ def scatter(result: Identification) -> list[Table]:
 
 def discordance(result: Identification) -> list[Table]:
     """Return the runs that leave the others, and the pool with and without them, where there are any."""
-    found = result.discordance
-    if found is None:
+    leaving = result.discordance
+    if leaving is None:
         return []
     rows = []
-    for d in found.departures:
+    for d in leaving.departures:
         u = GRAM_METRE * d.standard_uncertainty
         rows.append([d.name, d.component, rounded(GRAM_METRE * d.difference, u), rounded(u, u)])
-    pools = [("with them", found.all_runs), *([] if found.without is None else [("without them", found.without)])]
+    pools = [
+        ("with them", leaving.all_runs),
+        *([] if leaving.without is None else [("without them", leaving.without)]),
+    ]
     compared = [
         row
         for name, pool in pools

@@ -52,8 +52,8 @@ def scene(
     groups = [np.asarray(platform.base)[None], to_a(np.asarray(platform.joints)), to_a(cuboid(body) + r_cg_from_omb),
              to_a(np.asarray(r_cg_from_omb)[None])]  # fmt: skip
     seen = [_projected(outline) for outline in groups]
-    every = np.concatenate([outline.reshape(-1, 2) for outline in seen])
-    low, high = every.min(axis=0), every.max(axis=0)
+    points = np.concatenate([outline.reshape(-1, 2) for outline in seen])
+    low, high = points.min(axis=0), points.max(axis=0)
     scale = (1 - 2 * MARGIN) / max((high - low).max(), 1e-9)
     base, plate, corners, centre = (0.5 + scale * (outline - (low + high) / 2) for outline in seen)
     return Scene(base=base[0], plate=plate, corners=corners, centre=centre[:, 0], seconds=seconds)

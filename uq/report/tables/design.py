@@ -264,10 +264,10 @@ def _averages_in_words(report: DesignReport, objective: str) -> str:
 
 def _bound_in_words(report: DesignReport) -> list[str]:
     """Sentences on the least 3σ of any motion, or on the source that rules where the bound says little."""
-    told = {goal: f"{_figure(least)} g·m²" for goal, least in report.bound.items() if least is not None}
-    ruled = [f"{figure} ({goal})" for goal, figure in told.items() if report.noise_share(goal) >= RULES]
+    bounds = {goal: f"{_figure(least)} g·m²" for goal, least in report.bound.items() if least is not None}
+    ruled = [f"{figure} ({goal})" for goal, figure in bounds.items() if report.noise_share(goal) >= RULES]
     sentences = [f"No motion under these limits promises a 3σ of less than {' and '.join(ruled)}."] if ruled else []
-    for goal, figure in told.items():
+    for goal, figure in bounds.items():
         if report.noise_share(goal) < RULES:
             shares = report.source_shares(goal)
             name = max(shares, key=lambda source: shares[source])

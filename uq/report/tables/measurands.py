@@ -152,8 +152,8 @@ def noise_tables(result: StillNoise) -> list[Table]:
             for line in noise.lines[:MOST_LINES]
         ]
     head = ["", "white N, s^½", "95 %", "flicker B", "95 %", "random walk K, s^-½", "95 %", "drift an hour", "step"]
-    found = [Table("Spectral lines, the largest of each channel", ["", "Hz", "amplitude"], lines)] if lines else []
-    return [Table("Noise of each channel", head, rows, NOISE_NOTE), *found]
+    spectral = [Table("Spectral lines, the largest of each channel", ["", "Hz", "amplitude"], lines)] if lines else []
+    return [Table("Noise of each channel", head, rows, NOISE_NOTE), *spectral]
 
 
 def noise_notes(result: StillNoise) -> list[str]:
