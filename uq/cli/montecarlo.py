@@ -16,7 +16,7 @@ from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
 from uq.terminal.common import keep, output_folder, show, start_jax
-from uq.terminal.options import add_samples_options, positive_quantity, whole_number
+from uq.terminal.options import add_campaign_options, positive_quantity, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar, say
@@ -29,11 +29,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trials", type=whole_number, help=f"number of trials ({TRIALS}); with --adaptive the most ({MOST_TRIALS})"
     )
-    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
     parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
     sampling = parser.add_mutually_exclusive_group()
-    add_samples_options(parser, sampling)
+    add_campaign_options(parser, sampling)
     sampling.add_argument("--quasi-random", action="store_true", help="quasi-random trials: fewer of them know as much")
     sampling.add_argument("--collapsed", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
@@ -48,9 +47,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
         help="shares of every source and group in the variance, from this many pairs of trials (1000)",
     )  # fmt: skip
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
-    )
     add_without_option(parser)
     add_cluster_options(parser)
 

@@ -9,7 +9,7 @@ from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
 from uq.terminal.common import keep, output_folder, show, start_jax
-from uq.terminal.options import add_samples_options, whole_number
+from uq.terminal.options import add_campaign_options, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
@@ -18,11 +18,7 @@ from uq.trials.checkpoint import Checkpoint
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
-    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
-    add_samples_options(parser)
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
-    )
+    add_campaign_options(parser)
     add_cluster_options(parser)
 
 

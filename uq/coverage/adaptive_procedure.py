@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from uq.coverage.coverage_intervals import Value, numerical_tolerance, symmetric_interval
+from uq.coverage.coverage_intervals import Value, check_probability, numerical_tolerance, symmetric_interval
 from uq.coverage.coverage_regions import Draws, covariance_of, distance, quantile
 
 CONFIDENCE = 0.95
@@ -40,8 +40,7 @@ class Goal:
             raise ValueError(f"Argument `digits` must be 1 or more, but is {self.digits}.")
         if self.tolerance is not None and not (np.asarray(self.tolerance) > 0).all():
             raise ValueError(f"Argument `tolerance` must be above zero, but is {self.tolerance}.")
-        if not 0 < self.probability < 1:
-            raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {self.probability}.")
+        check_probability(self.probability)
 
     @property
     def least_block(self) -> int:

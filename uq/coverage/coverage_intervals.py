@@ -102,8 +102,7 @@ def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
 
 def _interval(kind: Kind, draws: np.ndarray, probability: float, points: Points, ends) -> CoverageInterval:
     draws = np.asarray(draws, float)
-    if not 0 < probability < 1:
-        raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
+    check_probability(probability)
     if draws.ndim == 0:
         raise ValueError("Argument `draws` must have the trials on its first axis, but is a single number.")
 
@@ -116,6 +115,16 @@ def _interval(kind: Kind, draws: np.ndarray, probability: float, points: Points,
     if points == "quasi-random":
         ends_and_errors[2:] = standard_error(of_replicates(lambda trials: figures(trials)[:2], draws))
     return CoverageInterval(kind, probability, *map(np.asarray, ends_and_errors))
+
+
+def check_probability(probability: float) -> None:
+    """Refuse a coverage probability that cannot be.
+
+    Raises:
+        ValueError: it does not lie between 0 and 1.
+    """
+    if not 0 < probability < 1:
+        raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
 
 
 def _inside(trials: int, probability: float) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from uq.coverage.coverage_intervals import order_error
+from uq.coverage.coverage_intervals import check_probability, order_error
 
 Draws = Float[np.ndarray, "trials outputs"]
 
@@ -69,8 +69,7 @@ def quantile(values: Float[np.ndarray, " trials"], probability: float) -> Figure
 def _checked(draws: np.ndarray, probability: float) -> Draws:
     """Return the trials that are finite, if there are enough and no output follows from the others."""
     draws = np.asarray(draws, float)
-    if not 0 < probability < 1:
-        raise ValueError(f"Argument `probability` must lie between 0 and 1, but is {probability}.")
+    check_probability(probability)
     if draws.ndim != 2:
         raise ValueError(f"Argument `draws` must have the shape (trials, outputs), but has {draws.shape}.")
     draws = draws[np.isfinite(draws).all(axis=1)]

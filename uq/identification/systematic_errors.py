@@ -225,18 +225,15 @@ def acting(
     elsewhere = HELD | estimator_of(result.method).estimates
     sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
     mixing = list(experiment.mixing)
-    if result.pooling is None or result.admissible is not None:  # it holds the centre's uncertainty already
-        sources = [s for s in sources if s.perturbs != "r_cg"]
-        names = {source.name for source in sources}
-        return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
     shared = _shared(result, sources, mixing, redrawn)
     covariance = result.cg_covariance
     if shared:
         covariance = centre_covariance_beside(result.parameters.covariance[1:4, 1:4], shared)
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
-    if covariance is not None or not same:
+    held = result.pooling is None or result.admissible is not None  # the result holds the centre's uncertainty already
+    if held or covariance is not None or not same:
         sources = [s for s in sources if s.perturbs != "r_cg"]
-        if np.any(result.sigma_r_cg > 0):
+        if np.any(result.sigma_r_cg > 0) and not held:
             sigma = result.sigma_r_cg if covariance is None else np.sqrt(np.diag(covariance))
             source, mix = centre_source(sigma, covariance)
             sources, mixing = [*sources, source], [*mixing, *mix]

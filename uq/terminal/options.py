@@ -53,8 +53,9 @@ def add_window_options(parser: argparse.ArgumentParser, without: str = "the segm
         )  # fmt: skip
 
 
-def add_samples_options(parser: argparse.ArgumentParser, ways: argparse._ActionsContainer | None = None) -> None:
-    """Add the options of a campaign by samples; ``ways`` is the group of the ways to draw, where there are others."""
+def add_campaign_options(parser: argparse.ArgumentParser, ways: argparse._ActionsContainer | None = None) -> None:
+    """Add the options of a campaign; ``ways`` is the group of the ways to draw, where there are others."""
+    parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     (ways or parser).add_argument(
         "--samples", action="store_true", help="draw every sample of every trial: slow, the reference"
     )
@@ -62,3 +63,6 @@ def add_samples_options(parser: argparse.ArgumentParser, ways: argparse._Actions
         "--dtype", choices=("float64", "float32"), default="float64",
         help="precision of the samples that are drawn (float64)",
     )  # fmt: skip
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
+    )

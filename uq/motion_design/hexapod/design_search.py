@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.motion.leg_limits import Limits, effort, shares
+from identify.motion.leg_limits import Limits, shares
 from identify.motion.optimiser import Lagrangian, Optimum
 from identify.motion.periodic_motion import Periodic
 from identify.motion.stages import Stages
@@ -19,6 +19,7 @@ from uq.motion_design.design_goal import Measure
 from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory, differentiator
 from uq.motion_design.hexapod.rig_limits import largest_size, reduced
 from uq.motion_design.hexapod.search_starts import patterned, patterns_for, staged
+from uq.planning.platform_run import effort_of
 from uq.propagation.prediction import Prediction
 from uq.trials.progress_bar import Progress
 
@@ -71,11 +72,11 @@ class Search:
         gain = differentiator(float(np.max(stages.periodic.frequency))).alpha_noise_gain(reference.rate)
         names = limited(limits)
         r_cg, gravity = jnp.asarray(experiment.r_cg_from_omb), jnp.asarray(experiment.gravity)
-        platform, body = experiment.platform, experiment.body
+        platform = experiment.platform
 
         def goal(unknowns):
             motion = stages.moved(platform, unknowns, r_cg, gravity)
-            used = shares(effort(platform, body, r_cg, motion.platform, gravity), limits)
+            used = shares(effort_of(experiment, motion.platform), limits)
             mean_error, covariance = prediction.moments(motion.body, motion.jerk, gain, samples)
             most = jnp.concatenate([jnp.abs(stages.finer(used[name])).ravel() for name in names])
             return jnp.log(measure(covariance, mean_error)), most - 1

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from identify.methods.base import estimator_of
-from identify.reporting import Drawing, Result, Section
+from identify.reporting import Drawing, Result, Section, section_of
 from identify.results.identification_result import Identification
 from identify.results.undeclared import QUANTITIES
 from identify.text_tables import Table, sentence
@@ -132,12 +132,11 @@ class Certificate(Result):
     def section(self) -> Section:
         """Return the certificate."""
         result, report = self.identification, self.report
-        return Section(
+        return section_of(
+            self,
             title=report.texts.get("title", TITLE),
             computed=[f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
             findings=self.findings(),
-            tables=self.tables(),
-            drawings=self.drawings(),
             details=self.details(),
             assumptions=list(map(sentence, result.assumptions)),
             provenance=result.provenance

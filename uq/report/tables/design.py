@@ -29,7 +29,7 @@ from uq.report.figures.platform_scene import FRAMES, Scene, scene
 from uq.report.figures.style import AXIS_COLOURS
 from uq.report.input_tables import source_tables
 from uq.report.tables.cases import case_table
-from uq.report.tables.planning import duration_drawing, duration_table
+from uq.report.tables.planning import DERIVATIVE_NOTE, duration_drawing, duration_table
 
 RULES = 0.5
 """Part of the variance from which on the load cell's noise, which alone the bound counts, makes the bound tell."""
@@ -62,7 +62,7 @@ def platform_tables(report: DesignReport) -> list[Table]:
     return [
         _trajectories(report),
         Table("What each limit is used to", ["limit", "leg or axis", "at, s", "used, %"], limits, PLATFORM_LIMIT_NOTE),
-        replace(sensors, caption="Which sensor should I buy?", note=SENSOR_NOTE),
+        replace(sensors, caption="Which sensor should I buy?", note=DERIVATIVE_NOTE),
         duration_table(report.durations),
     ]
 
@@ -336,7 +336,6 @@ BUDGET_NOTE = (
 MOTION_NOTE = "r_CG: the largest of its three. Random: the best of several Fourier series of five harmonics."
 LIMIT_NOTE = "Over the whole run with its ramps, on a grid ten times finer than the search's."
 PLATFORM_LIMIT_NOTE = f"{LIMIT_NOTE.removesuffix('.')}; from 98 % on it limits."
-SENSOR_NOTE = "By component: derivative of ln 3σ by ln sigma. 0.8 says that 1 % less of this sigma leaves 0.8 % less."
 PLATFORM_ASSUMPTIONS = (
     "The body is rigid; the platform runs the trajectory as commanded, and its legs turn in perfect joints.",
     "Leg forces are those of body, plate and legs by d'Alembert's principle, without friction.",
