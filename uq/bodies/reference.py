@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 from jaxtyping import Array
 
@@ -93,13 +94,8 @@ class FrameTable(TomlTable, frozen=True, kw_only=True):
     """The drawing's origin from Q, in B."""
     misalignment: Annotated[Vector, uncertain_vector("rad")] = ORIGIN
     """Small rotation of the drawing's frame about each axis."""
-    rotation_to_body: Annotated[np.ndarray, ROTATION] | None = None
+    rotation_to_body: Annotated[np.ndarray, ROTATION] = msgspec.field(default_factory=lambda: np.eye(3))
     """Rotation from the drawing's axes to the body's."""
-
-    @property
-    def axes(self) -> np.ndarray:
-        """The rotation from the drawing's axes to the body's."""
-        return np.eye(3) if self.rotation_to_body is None else self.rotation_to_body
 
 
 class CadInertiaTable(TomlTable, frozen=True, kw_only=True):
@@ -145,7 +141,7 @@ class BodyFile(TomlTable, frozen=True, kw_only=True):
     part: tuple[CylinderPart | CuboidPart | SpherePart, ...] | None = None
     """The parts of a drawing."""
     cad: CadTable | None = None
-    frame: FrameTable = FrameTable()
+    frame: FrameTable = msgspec.field(default_factory=FrameTable)
 
     def __post_init__(self) -> None:
         """Refuse neither, or both, of drawing and report."""
@@ -183,7 +179,7 @@ def reference(document: Mapping[str, Any], *, name: str = "reference body") -> R
     meant = {"about": "CG", "products": "tensor"} if cad is None else {"about": cad.about, "products": cad.products}
     return Reference(
         name=name, parameters=parameters, contributions=contributions, kind="drawing" if cad is None else "CAD report",
-        rotation=frame.axes, origin=origin, warnings=warnings, document=document, **meant,
+        rotation=frame.rotation_to_body, origin=origin, warnings=warnings, document=document, **meant,
     )  # fmt: skip
 
 
@@ -222,7 +218,7 @@ def _frame(table: FrameTable, quantities: Quantities) -> Callable[[Values, Any],
     small = quantities.add_vector("frame.misalignment", table.misalignment)
 
     def placed(values: Values, ten: Any) -> Any:
-        turn = exponential(small(values)) @ jnp.asarray(table.axes)
+        turn = exponential(small(values)) @ jnp.asarray(table.rotation_to_body)
         return jnp.concatenate([ten[:1], origin(values) + turn @ ten[1:4], rotate(ten[4:], turn)])
 
     return placed

@@ -109,6 +109,7 @@ def law(
     return prepare_law(experiment, trajectories, estimators).evaluate()
 
 
+@explains_names
 def prepare_law(
     experiment: Experiment,
     trajectories: str | Sequence[str] | None = None,

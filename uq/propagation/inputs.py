@@ -124,27 +124,16 @@ def inputs_of_cases(
         BeyondLawError: sources that the law cannot take (:func:`uq.propagation.beyond_the_law.beyond_the_law`).
     """
     check_law(sources, mixing, peaks)
-    covariance = _noise_covariance(sources, mixing, rate)
-    names = [source.name for source in sources for _ in range(9)]
-    on = np.array([[float(name in case.sources) for name in names] for case in cases])
-    acting = on[:, :, None] * covariance[None] * on[:, None, :] if len(names) else np.zeros((len(cases), 0, 0))
-    summed = acting.reshape(len(cases), len(sources), 9, len(sources), 9).sum((1, 3))
-    acts = np.array([np.isin(constants.owner, list(case.sources)) for case in cases], float)
-    return CaseInputs(acts, summed[:, :6, :6], np.diagonal(summed, axis1=1, axis2=2)[:, 6:])
+    white = [(s, variance) for s in sources if (variance := s.error_kind.white_variance(s, rate)) is not None]
+    noisy = [source for source, _ in white]
+    sigma = np.sqrt(np.concatenate([np.zeros(0), *(variance for _, variance in white)]))
+    signals = np.hstack([np.zeros((9, 0)), *(np.eye(9, 3, -3 * SIGNALS.index(source.target)) for source in noisy)])
+    drawn = signals * (sigma * _acting(cases, np.repeat([source.name for source in noisy], 3)))[:, None]
+    summed = drawn @ _correlation(noisy, np.full(len(noisy), 3), mixing) @ drawn.swapaxes(1, 2)
+    gyro = np.diagonal(summed, axis1=1, axis2=2)[:, 6:]
+    return CaseInputs(_acting(cases, constants.owner), summed[:, :6, :6], gyro)
 
 
-def _noise_covariance(sources: Sequence[Source], mixing: Sequence[Mixing], rate: float) -> np.ndarray:
-    """Covariance of all white noise at one sample: nine rows a source, three for each of F, M, omega."""
-    matrix = np.zeros((9 * len(sources), 9 * len(sources)))
-    variance = {s.name: s.error_kind.white_variance(s, rate) for s in sources}
-    sigma = {name: np.sqrt(value) for name, value in variance.items() if value is not None}
-    first = {source.name: 9 * k for k, source in enumerate(sources)}
-    place = {s.name: first[s.name] + 3 * SIGNALS.index(s.target) + np.arange(3) for s in sources if s.name in sigma}
-    for name, where in place.items():
-        matrix[where, where] = sigma[name] ** 2
-    for mix in mixing:
-        if all(name in place for name in mix.names):
-            where = np.concatenate([place[name] for name in mix.names])
-            spread = np.concatenate([sigma[name] for name in mix.names])
-            matrix[np.ix_(where, where)] = np.outer(spread, spread) * np.asarray(mix.correlation)
-    return matrix
+def _acting(cases: Sequence[Case], owner: np.ndarray) -> np.ndarray:
+    """Mask of the numbers that act in each case, by the names of the sources that draw them."""
+    return np.array([np.isin(owner, list(case.sources)) for case in cases], float)

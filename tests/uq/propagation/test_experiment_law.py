@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -19,7 +18,7 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import cases_of
 from uq.propagation import prepared_run as kept
 from uq.propagation.beyond_the_law import BeyondLawError, Peaks
-from uq.propagation.experiment_law import law, prepare_law
+from uq.propagation.experiment_law import PreparedLaw, law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_validation import rejected, validate_law
 from uq.report.figures.campaign import contributions
@@ -308,9 +307,9 @@ def test_no_estimator_is_refused(brief):
 
 def test_without_float64_it_is_said_once(brief, prepared, monkeypatch):
     """By Python's warning; the page and result.json hold it, too."""
-    made = dataclasses.replace(prepared.evaluate(), warnings=(MESSAGE,))
-    ready = SimpleNamespace(evaluate=lambda: made)
-    monkeypatch.setattr("uq.propagation.experiment_law._prepared", lambda *_: ready)
+    made, run = prepared.evaluate(), prepared.runs["T1"]
+    monkeypatch.setattr("uq.propagation.experiment_law.prepared_run", lambda *_: run)
+    monkeypatch.setattr(PreparedLaw, "evaluate", lambda ready: dataclasses.replace(made, warnings=ready.warnings))
     with jax.enable_x64(False), pytest.warns(PrecisionWarning) as said:
         result = law(brief)
     assert len(said) == 1
