@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import scipy
 
+from identify.joint.priors import root_of
 from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate
@@ -16,7 +17,6 @@ from rig.toml_tables import WrongKeyError, written
 from uq.files.csv_columns import ColumnsTable, QuaternionColumns
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import Axes, in_unit
-from uq.sources.correlations import root_of
 
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion", "rotation_vector", "euler")
 ROTATIONS = ATTITUDES[2:]

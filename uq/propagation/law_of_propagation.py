@@ -16,9 +16,9 @@ import scipy
 from jaxtyping import Array, Float
 
 from identify.floating_point import check_precision
+from identify.joint.priors import root_of
 from identify.reporting import Result
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
-from uq.sources.correlations import root_of
 
 
 @runtime_checkable

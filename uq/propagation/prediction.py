@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from identify.joint.priors import root_of
 from identify.motion.trajectory import Motion, sample
 from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body, unpack
@@ -26,7 +27,6 @@ from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_su
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.run_sums import jerk_of
 from uq.sources.constant_errors import unravel
-from uq.sources.correlations import root_of
 
 
 class Predicted(NamedTuple):

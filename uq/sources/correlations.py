@@ -109,12 +109,6 @@ def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
     return mixing
 
 
-def root_of(covariance: np.ndarray) -> np.ndarray:
-    """Return L with ``L Lᵀ`` a covariance or correlation matrix, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)))
-
-
 def check_correlation(where: str, matrix: np.ndarray) -> None:
     """Refuse a matrix that is no correlation matrix.
 
