@@ -38,6 +38,10 @@ SLOW = 1.0
 """Highest frequency of interest where poses are turned to angular velocity [Hz]: only rest is looked for."""
 
 
+ALIGNED = "the axes that tell the attitude are aligned with the load cell's"
+"""Assumption where no uncertainty of the attitude sensor's axes is declared."""
+
+
 @dataclass(frozen=True)
 class _Wrenches:
     """Mean wrench on the body at Q and specific force of each pose, in B, and where they come from."""
@@ -105,6 +109,8 @@ def centre_file(
     result = centre_with_undeclared(
         result, experiment, wrench=np.hstack(signals[:2]), specific_force=signals[2], sensed=wrenches.sensed
     )
+    poses = experiment.poses or Poses()
+    aligned = () if poses.sigma_alignment > 0 else (ALIGNED,)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
     )  # fmt: skip
@@ -114,8 +120,8 @@ def centre_file(
         zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig)
         if wrenches.rig.cell_axes
         else None,
-        warnings=(*(wrenches.findings or _turned(wrenches, experiment.poses)), *wrenches.warnings, *result.warnings),
-        assumptions=(*wrenches.rig.assumptions, *gravity, *_aligned(experiment.poses), *wrenches.notes),
+        warnings=(*(wrenches.findings or _turned(wrenches, poses)), *wrenches.warnings, *result.warnings),
+        assumptions=(*wrenches.rig.assumptions, *gravity, *aligned, *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
     )
 
@@ -131,24 +137,15 @@ def _without(wrenches: _Wrenches, numbers: Sequence[int], name: str) -> _Wrenche
     return replace(wrenches, used=wrenches.used & ~left_out, notes=(*wrenches.notes, *notes))
 
 
-def _turned(wrenches: _Wrenches, poses: Poses | None) -> tuple[str, ...]:
+def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
     """Return the warning that the attitude sensor is turned by more than is declared."""
     turn = attitude_turn(wrenches.force[wrenches.used], wrenches.specific_force[wrenches.used])
-    if turn is None or float(np.linalg.norm(turn.vector)) < 3 * (0.0 if poses is None else poses.sigma_alignment):
+    if turn is None or float(np.linalg.norm(turn.vector)) < 3 * poses.sigma_alignment:
         return ()
     cure = axes_text(turn.matrix @ wrenches.rig.imu_rotation)
     return (
         f"the forces fit the attitudes only with a turn of the attitudes' axes into the load cell's by {turn}: set "
         f"imu_rotation_to_body = {cure} in [recording], or correct wrench_rotation_to_body, or declare sigma_alignment",
-    )
-
-
-def _aligned(poses: Poses | None) -> tuple[str, ...]:
-    """Return the assumption that the attitude sensor is aligned, where no uncertainty of its axes is declared."""
-    return (
-        ()
-        if poses is not None and poses.sigma_alignment > 0
-        else ("the axes that tell the attitude are aligned with the load cell's",)
     )
 
 
