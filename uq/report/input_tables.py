@@ -34,13 +34,11 @@ def source_tables(provenance: Mapping[str, Any]) -> list[Table]:
         [s["name"], s["target"], s["kind"], s["group"], size_of(s), s.get("reference", "not given")]
         for s in document.get("source", [])
     ]
-    guesses = inferred(document)
-    tables = [
-        Table("Error sources", [*SOURCE_HEAD, "reference"], rows),
-    ]
-    note = "Not stated by the paper; the values that reproduce its Table 2."
-    inferences = [Table("Inferred values", ["key", "value", "reason"], guesses, note)]
-    return [*(tables if rows else []), *(inferences if guesses else [])]
+    tables = [Table("Error sources", [*SOURCE_HEAD, "reference"], rows)] if rows else []
+    if guesses := inferred(document):
+        note = "Not stated by the paper; the values that reproduce its Table 2."
+        tables.append(Table("Inferred values", ["key", "value", "reason"], guesses, note))
+    return tables
 
 
 def inferred(document: Mapping[str, Any]) -> list[list[str]]:
