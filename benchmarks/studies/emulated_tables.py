@@ -24,10 +24,10 @@ from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
+from uq.progress_bar import Progress, progress_of
 from uq.sources.draws import draw_constants
 from uq.sources.random_normals import Index
 from uq.sources.source import Source
-from uq.trials.progress_bar import Progress, progress_of
 from uq.trials.samples_engine import SamplesEngine, prepare_samples, sampled_trial
 from uq.trials.trial_loop import all_trials
 

@@ -25,10 +25,9 @@ class ByTrajectory(Generic[Content]):
         Raises:
             KeyError: there is nothing; the message names what there is.
         """
-        for pair in self.pairs():
-            if pair == key:
-                return pair
-        raise UnknownNameError(key, self.pairs())
+        if not isinstance(key, tuple) or key not in self.pairs():
+            raise UnknownNameError(key, self.pairs())
+        return key
 
     def pairs(self) -> list[tuple[str, str]]:
         """Return every trajectory with every estimator."""

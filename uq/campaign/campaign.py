@@ -18,16 +18,16 @@ from identify.signals.estimator_spec import EstimatorSpec
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import Breakdown, Statistics, breakdown
-from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, setting_of, true_motions
+from uq.campaign.trial_setup import setting_of, true_motions
 from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import code_digest, provenance
+from uq.progress_bar import progress_of
 from uq.trials.checkpoint import Checkpoint
 from uq.trials.chooser import Choice, engine_of
 from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engine import Estimates, run_trials
-from uq.trials.progress_bar import progress_of
 from uq.trials.trial_loop import TrialLoop, trials_in
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
@@ -82,8 +82,8 @@ def montecarlo(
     warned = check_precision(plan.dtype)
     plan = replace(plan, dtype="float32") if warned else plan
     asked = _Asked(
-        experiment=experiment, estimators=chosen_estimators(experiment, estimators),
-        trajectories=chosen_trajectories(experiment, trajectories), trials=trials, seed=seed, plan=plan,
+        experiment=experiment, estimators=experiment.selected_estimators(estimators),
+        trajectories=experiment.selected_trajectories(trajectories), trials=trials, seed=seed, plan=plan,
         options=options,
     )  # fmt: skip
     store = options.checkpoint

@@ -11,10 +11,10 @@ from rig.exceptions import quoted
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import ExperimentError
+from uq.progress_bar import Progress
 from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint
 from uq.trials.chooser import EngineName
-from uq.trials.progress_bar import Progress
 
 LEAST_QUASI_RANDOM = 16 * REPLICATES
 """Fewer trials are random: a replicate's dispersion would be hardly known."""

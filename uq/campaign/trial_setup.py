@@ -14,39 +14,9 @@ from uq.gram_sums.error_maps import Platform
 from uq.sources.draws import BLOCK
 from uq.trials.chooser import Choice, engine_of
 from uq.trials.engine import TrialSetting
-from uq.trials.trial_loop import OLDER_LOOPS
+from uq.trials.trial_loop import RUN_ONCE
 
-COMPILER = {"xla_cpu_parallel_codegen_split_count": 1, **OLDER_LOOPS}
-"""Options of XLA for sampling a motion, which takes milliseconds to run but a second to compile: with them, a third of
-it."""
-_sampled = jax.jit(sample, compiler_options=COMPILER)
-
-
-def distinct(given: str | Sequence[str] | None) -> list[str]:
-    """Return names without repeats."""
-    return list(dict.fromkeys([given] if isinstance(given, str) else given or []))
-
-
-def chosen_estimators(experiment: Experiment, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
-    """Return the estimators of these names, None for all.
-
-    Raises:
-        ExperimentError: there is none of a name, or none at all.
-    """
-    chosen = [experiment.estimator(name) for name in distinct(names)] or list(experiment.estimators)
-    if not chosen:
-        raise ExperimentError("no [[estimator]] in the experiment: add one")
-    return chosen
-
-
-def chosen_trajectories(experiment: Experiment, names: str | Sequence[str] | None) -> dict[str, TrajectorySpec]:
-    """Return the trajectories of these names, None for all.
-
-    Raises:
-        ExperimentError: there is none of a name, or none at all.
-    """
-    wanted: list[str | None] = [*distinct(names)] or [*experiment.trajectories] or [None]
-    return dict(map(experiment.select, wanted))
+_sampled = jax.jit(sample, compiler_options=RUN_ONCE)
 
 
 def setting_of(

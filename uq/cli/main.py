@@ -21,7 +21,7 @@ from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.terminal.standard_streams import ShownText, shown_streams
 from uq.terminal.terminal_bar import ReadingBar
-from uq.trials.watchdog import divide
+from uq.terminal.watchdog import divide
 
 COMMANDS = {
     "paper": "reproduce the paper's Table 2 and figures, beside its printed values",

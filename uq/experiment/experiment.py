@@ -7,7 +7,7 @@ Every physical value is a string with its unit. An unknown key, a bare number, a
 import errno
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
@@ -233,6 +233,22 @@ class Experiment(Shown):
             raise ExperimentError(f"unknown trajectory {quoted(name)}: {choose(name, self.trajectories)}")
         return name, self.trajectories[name]
 
+    def selected_estimators(self, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
+        """Return the estimators of these names, without repeats; None for all.
+
+        Raises:
+            ExperimentError: there is none of a name, or none at all.
+        """
+        return [self.estimator(name) for name in _distinct(names)] or list(self.estimators) or [self.estimator()]
+
+    def selected_trajectories(self, names: str | Sequence[str] | None) -> dict[str, TrajectorySpec]:
+        """Return the trajectories of these names, without repeats; None for all.
+
+        Raises:
+            ExperimentError: there is none of a name, or none at all.
+        """
+        return dict([self.select(name) for name in _distinct(names) or self.trajectories] or [self.select()])
+
     def with_source(self, name: str, **keys: Any) -> "Experiment":
         """Return the experiment with other keys of a ``[[source]]``: ``with_source("F_bias", sigma="0.5 N")``.
 
@@ -324,6 +340,10 @@ class Experiment(Shown):
     def sigma_r_cg(self) -> np.ndarray:
         """Standard uncertainty of the centre of gravity on each axis [m], from the sources that perturb it."""
         return declared_sigma(self.sources, "r_cg")
+
+
+def _distinct(names: str | Sequence[str] | None) -> list[str]:
+    return list(dict.fromkeys([names] if isinstance(names, str) else names or []))
 
 
 def _with_new_names(document: Mapping[str, Any]) -> Mapping[str, Any]:

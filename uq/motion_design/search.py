@@ -11,7 +11,7 @@ from jaxtyping import Float
 from identify.motion.optimiser import Lagrangian, Optimum, minimise
 from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
-from uq.trials.progress_bar import Progress
+from uq.progress_bar import Progress
 
 
 def check_options(

@@ -11,8 +11,8 @@ from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
 from uq.planning.required_duration import Duration, growth_of, half_of, required_duration
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
+from uq.progress_bar import Progress, progress_of
 from uq.propagation.experiment_law import law
-from uq.trials.progress_bar import Progress, progress_of
 
 
 @dataclass(frozen=True, repr=False)

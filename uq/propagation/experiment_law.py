@@ -14,7 +14,6 @@ from jaxtyping import Float
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from uq.campaign.statistics import Breakdown, large_mean_error
-from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
@@ -117,7 +116,7 @@ def prepare_law(
 ) -> PreparedLaw:
     """Sum over every trajectory once, unless an earlier call has; see :func:`law`."""
     warnings = tuple(check_precision("float64"))
-    chosen, specs = chosen_estimators(experiment, estimators), chosen_trajectories(experiment, trajectories)
+    chosen, specs = experiment.selected_estimators(estimators), experiment.selected_trajectories(trajectories)
     runs = {name: prepared_run(experiment, spec, chosen) for name, spec in specs.items()}
     return PreparedLaw(experiment, tuple(e.name for e in chosen), runs, warnings)
 

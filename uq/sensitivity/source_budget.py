@@ -17,10 +17,11 @@ import numpy as np
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from uq.campaign.statistics import Statistics
-from uq.campaign.trial_setup import chosen_estimators, chosen_trajectories, prepare_engine
+from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
+from uq.progress_bar import Progress, progress_of
 from uq.sensitivity.budget_result import BudgetResult
 from uq.sensitivity.budget_shares import FEWEST_PAIRS, Effects, MeanSquare, SourceBudget
 from uq.sensitivity.effects import ChoiceDesign, PairEffects
@@ -29,7 +30,6 @@ from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.trials.chooser import EngineName
 from uq.trials.engine import run_trials
-from uq.trials.progress_bar import Progress, progress_of
 from uq.trials.trial_loop import all_trials, finite_trials
 
 WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
@@ -81,12 +81,12 @@ def budget(
     warnings = check_precision(dtype)
     dtype = "float32" if warnings else dtype
     devices = list(devices or jax.devices())
-    chosen = chosen_estimators(experiment, estimators)
+    chosen = experiment.selected_estimators(estimators)
     twins = twinned(experiment.sources, experiment.mixing)
     doubled = replace(experiment, sources=twins.doubled, mixing=twins.mixing)
     budgets: dict[str, dict[str, SourceBudget]] = {}
     tell = progress_of(progress, "pairs")
-    for name, spec in chosen_trajectories(experiment, trajectories).items():
+    for name, spec in experiment.selected_trajectories(trajectories).items():
         prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine, dtype=dtype).engine
         estimates = all_trials(
             run_trials, prepared, trials, seed, devices=devices, batch=batch or prepared.batch(devices[0]),

@@ -1,6 +1,6 @@
 """Noise as white noise behind a filter: what sums over samples need to know of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -67,3 +67,14 @@ class GyroNoise(NamedTuple):
     def white(cls, covariance: Float[np.ndarray, "3 3"]) -> "GyroNoise":
         """Return white normal noise of this covariance of the axes at one sample [rad²/s²]."""
         return cls({WHITE: covariance}, np.zeros(3), np.zeros(3))
+
+    @classmethod
+    def together(cls, noises: Sequence["GyroNoise"]) -> "GyroNoise":
+        """Return independent noises added."""
+        parts: dict[NoiseFilter, np.ndarray] = {}
+        for noise in noises:
+            for filter_, size in noise.parts.items():
+                parts[filter_] = parts.get(filter_, 0) + size
+        zero = np.zeros(3)
+        third, fourth = (noise.third_cumulant for noise in noises), (noise.fourth_cumulant for noise in noises)
+        return cls(parts, sum(third, zero), sum(fourth, zero))

@@ -10,8 +10,8 @@ from pathlib import Path
 from rig.exceptions import on_one_line, quoted
 from uq.files.mistakes import MISTAKES, ExperimentError
 from uq.terminal.options import whole_number
+from uq.terminal.watchdog import LOST, patient, say_met
 from uq.trials import distributed as cluster
-from uq.trials.watchdog import LOST
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,9 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
     patience = cluster.PATIENCE if arguments.patience is None else arguments.patience
     if patience < 1:
         raise ExperimentError(f"--patience is {patience}: give a second or more")
-    cluster.join(arguments.coordinator, arguments.processes, arguments.process, patience)
+    with patient(patience):
+        cluster.join(arguments.coordinator, arguments.processes, arguments.process, patience)
+    say_met()
     try:
         yield cluster.is_first()
     except BaseException as error:

@@ -5,8 +5,8 @@ import sys
 import time
 
 from rig.exceptions import on_one_line
+from uq.progress_bar import ProgressBar
 from uq.terminal.standard_streams import uncontrolled
-from uq.trials.progress_bar import ProgressBar
 
 BETWEEN_LINES = 60.0
 """Seconds after which a line of progress follows another of the same step."""

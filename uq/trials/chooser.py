@@ -6,6 +6,7 @@ needs samples, these are visited once.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -17,12 +18,14 @@ from identify.pytree import static_field
 from uq.gram_sums.cases import Case, cases_of
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
+from uq.sources.noise_filters import GyroNoise
 from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source
 from uq.trials.engine import Engine, Estimates, TrialSetting
 from uq.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.trials.sums_engine import quasi_random
 from uq.trials.sums_limits import beyond_sums
-from uq.trials.sums_setup import TrueRun, gyro_noises, moments_of, prepare_sums, together, true_run, white_covariance
+from uq.trials.sums_setup import TrueRun, gyro_noises, moments_of, prepare_sums, true_run, white_covariance
+from uq.trials.trial_loop import RUN_ONCE
 
 EngineName = Literal["sums", "samples"]
 
@@ -95,7 +98,7 @@ def engine_of(
         acting = [noises[name] for name in noises if name in case.sources]
         cell = [s for s in standing.values() if s.white and not s.of_gyro and s.name in case.sources]
         if acting and case.name not in reasons:
-            reason = beyond_sums(run, moments, together(acting), white_covariance(cell, mixing), body)
+            reason = beyond_sums(run, moments, GyroNoise.together(acting), white_covariance(cell, mixing), body)
             reasons |= {case.name: reason} if reason else {}
     drawn = {s.name for s in sources if s.drawn}
     summed = [case for case in cases if case.name not in reasons]
@@ -169,7 +172,7 @@ def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> st
     return None
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=RUN_ONCE)
 def _first_trial(engine: SamplesEngine) -> Float[Array, "estimators cases 6"]:
     """Return the estimates of one trial: where nothing is drawn, of every trial."""
     return engine.run(jax.random.key(0), jnp.zeros(1, int))[0]

@@ -18,7 +18,6 @@ from jax.experimental import multihost_utils
 
 from rig.exceptions import reason
 from uq.files.mistakes import ExperimentError
-from uq.trials.watchdog import LOST_LINE, patient, say_met
 
 T = TypeVar("T")
 
@@ -27,6 +26,7 @@ PATIENCE = 60
 HEARTBEAT = 30
 """Seconds without a heartbeat after which a process counts as lost."""
 LONGEST_MESSAGE = 2000
+LOST_LINE = "another process of the campaign is gone: the same command goes on from what is kept in --out"
 
 
 class LostProcess(ExperimentError):  # noqa: N818
@@ -54,12 +54,11 @@ def join(
     """
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     try:
-        with _silent(), patient(patience):
+        with _silent():
             jax.distributed.initialize(
                 coordinator, processes, process, initialization_timeout=patience, heartbeat_timeout_seconds=HEARTBEAT
             )
             multihost_utils.sync_global_devices("joined")
-            say_met()
     except (ValueError, TypeError, RuntimeError) as error:
         if jax.distributed.is_initialized():
             raise LostProcess(f"the {processes or 'other'} processes did not come together: start them again") from None

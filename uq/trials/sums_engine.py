@@ -195,8 +195,9 @@ def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"
         return {field: getattr(errors, field) for field in fields}
 
     if engine.points is None:
-        drawn = ((engine.cell.names, 6), (engine.gyro.names, rank), (engine.crossed.names, 6))
-        cell, gyro, crossed = (_normals(names, size, key, indices) for names, size in drawn)
+        names = engine.cell.names + engine.crossed.names
+        cell, crossed = jnp.split(_normals(names, 6, key, indices), [len(engine.cell.names)], axis=1)
+        gyro = _normals(engine.gyro.names, rank, key, indices)
         constants = jax.vmap(
             lambda i: draw_constants(engine.sources, engine.mixing, key, i, jnp.result_type(float)), out_axes=-1
         )(indices)

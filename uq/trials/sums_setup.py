@@ -1,6 +1,7 @@
 """Set-up of trials on sums: what they need of a noise-free run and of the noise (:mod:`uq.trials.sums_engine`)."""
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ from uq.gram_sums.case_equations import (
     WEIGHTS,
     NoiseExpectation,
     feature_map,
-    residual_covariance,
     sums_by_axes,
     symmetric,
+    weighted_sums,
 )
 from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, true_elements
@@ -30,6 +31,7 @@ from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
 from uq.trials.engine import TrialSetting
 from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsByDelay, SumsEngine
+from uq.trials.trial_loop import RUN_ONCE
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the sums' correlations, in parts of the largest, that are rounding."""
@@ -131,7 +133,7 @@ def delay_range(sources: Sequence[Source]) -> tuple[float, float]:
     return (low + high) / 2, (high - low) / 2
 
 
-@jax.jit
+@partial(jax.jit, compiler_options=RUN_ONCE)
 def _omega_at(trajectory: Trajectory, t: Float[Array, " n"], delay: Float[Array, ""]) -> Float[Array, "3 n"]:
     """Return the angular velocity that a gyro reads which is late by a delay [s]."""
     return jax.vmap(trajectory.omega, out_axes=1)(t - delay)
@@ -155,12 +157,12 @@ def _gyro_streams(
     covariances: dict[tuple[str, ...], np.ndarray] = {(name,): moments.covariance(x) for name, x in noises.items()}
     for a, b in combinations(noises, 2):  # the products of two sources' noises
         if any({a, b} <= case.sources for case in cases):
-            both = moments.covariance(together([noises[a], noises[b]]))
+            both = moments.covariance(GyroNoise.together([noises[a], noises[b]]))
             covariances[a, b] = both - covariances[a,] - covariances[b,]
     acts = np.array([[float(case.sources >= set(names)) for case in cases] for names in covariances])
     roots = np.array([_root_rows(moments, covariance) for covariance in covariances.values()])
-    acting = [[noises[name] for name in noises if name in case.sources] for case in cases]
-    terms = [[moments.expectation(together(x), k) for k in range(len(moments.algebra.gram))] for x in acting]
+    acting = [GyroNoise.together([noises[name] for name in noises if name in case.sources]) for case in cases]
+    terms = [[moments.expectation(noise, k) for k in range(len(moments.algebra.gram))] for noise in acting]
     gram, feature = (jax.device_put(np.array([[term[i] for term in row] for row in terms])) for i in (0, 1))
     shape = (len(covariances), len(moments.algebra.gram), 247, len(moments.algebra.products))
     streams = GyroStreams(
@@ -179,18 +181,6 @@ def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNo
         {part.filter: np.outer(part.sigma, part.sigma) * correlation for part in parts},
         np.asarray(source.shape.skewness) * sigma**3, np.asarray(source.shape.excess_kurtosis) * sigma**4,
     )  # fmt: skip
-
-
-def together(noises: Sequence[GyroNoise]) -> GyroNoise:
-    """Return independent noises added."""
-    parts: dict[NoiseFilter, np.ndarray] = {}
-    for noise in noises:
-        for filter_, size in noise.parts.items():
-            parts[filter_] = parts.get(filter_, 0) + size
-    zero = np.zeros(3)
-    return GyroNoise(
-        parts, sum((n.third_cumulant for n in noises), zero), sum((n.fourth_cumulant for n in noises), zero)
-    )
 
 
 def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[np.ndarray, "estimators 247 rank"]:
@@ -265,8 +255,8 @@ def _crossed_noise(
     rows, r_cg = features[OF_OMEGA_R], np.asarray(body.r_cg_from_q)[:, None, None]
 
     def covariances(by_axes: np.ndarray, noise: Array) -> Float[np.ndarray, "cases streams 6 6"]:
-        spread = residual_covariance(np.moveaxis(np.asarray(noise), 0, 2), r_cg)
-        return symmetric(np.tensordot(by_axes.T, spread, 1)).transpose(2, 3, 0, 1)
+        spread = np.moveaxis(np.asarray(noise), 0, 2)
+        return symmetric(weighted_sums(by_axes[:, :, None, None], spread, r_cg)).transpose(2, 3, 0, 1)
 
     alone: list[np.ndarray] = []
     with_gyro: list[list[np.ndarray]] = []

@@ -148,6 +148,9 @@ OLDER_LOOPS = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (
 COMPILER = {"xla_cpu_prefer_vector_width": 512, **OLDER_LOOPS}
 """Options for processors; others take no notice. The widest vectors, which XLA by default does not use."""
 
+RUN_ONCE = {"xla_backend_optimization_level": 0, **OLDER_LOOPS}
+"""Options of XLA for what runs once: it takes milliseconds to run, but with every optimisation a second to compile."""
+
 
 def _on_mesh(
     run: RunTrials, problem: Any, key: jax.Array, numbers: jax.Array, mesh: Mesh, batch: int, gathered: bool

@@ -138,7 +138,7 @@ def test_options_that_do_not_fit_are_one_line(options, words, capsys):
 def test_an_abort_of_the_runtime_is_one_line_that_tells_when(met, status, words):
     code = f"""
 import os
-from uq.trials.watchdog import divide, say_met
+from uq.terminal.watchdog import divide, say_met
 status = divide()
 if status is None:
     {met}

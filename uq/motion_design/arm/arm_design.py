@@ -18,7 +18,7 @@ from uq.motion_design.arm.mujoco_run import loaded_model
 from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise
 from uq.motion_design.design_goal import GOALS, goal_of
 from uq.motion_design.search import check_options, optima
-from uq.trials.progress_bar import Progress
+from uq.progress_bar import Progress
 
 DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
 """Least times of the run, of its repeats and of starting and stopping [s], and the number of random series that are

@@ -21,9 +21,9 @@ from uq.motion_design.hexapod.reference_trajectory import (
 )
 from uq.motion_design.hexapod.rig_limits import resolved_limits, uses
 from uq.motion_design.search import check_options, optima
+from uq.progress_bar import Progress, progress_of
 from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.prepared_run import prepared_run
-from uq.trials.progress_bar import Progress, progress_of
 
 FINER = 10
 """Factor on the optimiser's instants for the final check of the limits."""

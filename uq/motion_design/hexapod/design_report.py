@@ -22,9 +22,9 @@ from uq.motion_design.hexapod.reference_trajectory import differentiator
 from uq.motion_design.report import MotionReport
 from uq.planning.required_duration import Duration, average, growth_of, half_of, required_duration
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
+from uq.progress_bar import Progress, progress_of
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawStatistics
-from uq.trials.progress_bar import Progress, progress_of
 
 OF_THE_CELL = (0, 1)
 """Signals of the load cell, force and moment, as ``Source.signal`` numbers them."""

@@ -20,8 +20,8 @@ from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory, d
 from uq.motion_design.hexapod.rig_limits import largest_size, reduced
 from uq.motion_design.hexapod.search_starts import patterned, patterns_for, staged
 from uq.planning.platform_run import effort_of
+from uq.progress_bar import Progress
 from uq.propagation.prediction import Prediction
-from uq.trials.progress_bar import Progress
 
 GRID = 16
 """Instants of the optimiser in a period of the highest frequency."""

@@ -14,7 +14,7 @@ from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.files.mistakes import ExperimentError
 from uq.motion_design.search import bisected, in_pieces
 from uq.planning.platform_run import effort_of, motion_at, peaks_at_home
-from uq.trials.progress_bar import Progress
+from uq.progress_bar import Progress
 
 HALVINGS = 11
 """Bisections of the interval in which the largest amplitude is sought."""

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 
 LOST = 3
 """Exit status when another process of a campaign is gone."""
-LOST_LINE = "another process of the campaign is gone: the same command goes on from what is kept in --out"
 ALONE = 2
 """Exit status when the other processes do not come at the start."""
 ALONE_LINE = "the other processes did not come in time: start all of them, or give them longer by --patience"
@@ -80,6 +79,8 @@ def _wait(child: int, met: int) -> int:
     _, status = os.waitpid(child, 0)
     code = os.waitstatus_to_exitcode(status)
     if code == -signal.SIGABRT:
+        from uq.trials.distributed import LOST_LINE  # loads JAX, with which a process must not divide
+
         line, status = (LOST_LINE, LOST) if os.read(met, 1) else (ALONE_LINE, ALONE)
         sys.stderr.write(f"error: {line}\n")
         return status

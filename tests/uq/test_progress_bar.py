@@ -7,7 +7,7 @@ from tests.helpers.small_campaign import document
 from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions
 from uq.experiment.experiment import Experiment
-from uq.trials.progress_bar import ProgressBar, progress_of
+from uq.progress_bar import ProgressBar, progress_of
 
 
 @pytest.fixture
