@@ -22,10 +22,6 @@ BARRIERS = 5.0
 """Parameter of the barriers together: over the weight of the aim, it bounds what is missing to the end."""
 ROUNDING = 1e-13
 """Multiple of the unit matrix that is added to a Hessian of unit diagonal against rounding errors."""
-ENOUGH, EXACT = 1e-4, 1e-12
-"""Newton decrements at which a search ends: far below what a barrier leaves, and below what is printed."""
-ROUNDNESS = 0.02
-"""Weight of roundness in :func:`rounded`: it moves the tensor by less than a twentieth of its standard uncertainty."""
 SHARPEST = 1e11
 """Last weight of the aim against the barriers."""
 
@@ -42,34 +38,21 @@ class Data(NamedTuple):
         difference = inertia - self.estimate
         return float(difference @ self.information @ difference)
 
-    def over(self, scale: float) -> "Data":
-        """Return the data in another unit."""
-        return Data(self.estimate / scale, self.information * scale**2)
-
 
 def nearest(data: Data) -> Float[np.ndarray, "6"]:
     """Return the tensor of a body that is nearest to the data, up to 1e-4 in Q."""
     scale = size(data)
+    scaled = Data(data.estimate / scale, data.information * scale**2)
     x = of_second_moment(np.eye(3) / 3)
     for weight in 10.0 ** np.arange(0, 6):
-        x = _newton(_sum(_quadratic(data.over(scale), weight), _flatness, _bulk), x)
+        x = _newton(_sum(_quadratic(scaled, weight), _bodies), x)
     return scale * x
-
-
-def rounded(data: Data, start: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
-    """Return the tensor of a body near the data, round where they do not choose.
-
-    Least ``½ Q + w (3 log(tr Σ / 3) - log det Σ)``: the second term, zero for equal moments, keeps off the edge. Each
-    step of Newton's method takes the concave logarithm of the trace for a straight line, which lies above it.
-    """
-    scale = size(data)
-    return scale * _newton(_sum(_quadratic(data.over(scale), 1 / ROUNDNESS), _flatness, _spread), start / scale, EXACT)
 
 
 def ends(data: Data, most: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6 2"]:
     """Return the least and the largest value of each component among bodies with Q of at most ``most``; or infinity."""
     scale = size(data)
-    scaled, start = data.over(scale), nearest(data) / scale
+    scaled, start = Data(data.estimate / scale, data.information * scale**2), nearest(data) / scale
     extremes = np.array(
         [[_farthest(scaled, s * unit, start, q) for s in (-1, 1)] for unit, q in zip(np.eye(6), most, strict=True)]
     )
@@ -88,7 +71,7 @@ def _farthest(data: Data, direction: np.ndarray, start: np.ndarray, most: float)
     x, weight, way = start, 1.0, 0.0
     while BARRIERS / weight > 1e-3 * min(way, 1.0) and weight < SHARPEST:
         weight *= 30
-        x = _newton(_sum(_linear(-weight * direction), _flatness, _bulk, _within(data, most)), x)
+        x = _newton(_sum(_linear(-weight * direction), _bodies, _within(data, most)), x)
         way = float(direction @ (x - start))
     return float(direction @ x) + BARRIERS / weight
 
@@ -129,41 +112,29 @@ def _within(data: Data, most: float) -> Function:
     return barrier
 
 
-def _flatness(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """``-log det Σ``: the barrier of positive second moments."""
+def _bodies(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """``-log det Σ - log(LARGEST - tr Σ)``."""
     flat = x @ _FLAT
+    slack = LARGEST - float(x @ _TRACE)
     corner = flat[0] * flat[4] - flat[1] * flat[3]
     moments = flat.reshape(3, 3)
-    if flat[0] <= 0 or corner <= 0 or (determinant := float(np.linalg.det(moments))) <= 0:
+    if slack <= 0 or flat[0] <= 0 or corner <= 0 or (determinant := float(np.linalg.det(moments))) <= 0:
         return np.inf, np.zeros(6), np.zeros((6, 6))
+    trace_slope = _TRACE / slack
     solved = np.linalg.inv(moments) @ SECOND_MOMENT
+    slope = trace_slope - np.trace(solved, axis1=1, axis2=2)
     crossed = solved.reshape(6, 9) @ solved.transpose(0, 2, 1).reshape(6, 9).T
-    return -math.log(determinant), -np.trace(solved, axis1=1, axis2=2), crossed
+    return -math.log(determinant) - math.log(slack), slope, np.outer(trace_slope, trace_slope) + crossed
 
 
-def _bulk(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """The barrier of a trace below ``LARGEST``."""
-    slack = LARGEST - float(x @ _TRACE)
-    if slack <= 0:
-        return np.inf, np.zeros(6), np.zeros((6, 6))
-    slope = _TRACE / slack
-    return -math.log(slack), slope, np.outer(slope, slope)
-
-
-def _spread(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """``3 log(tr Σ / 3)``, its curvature left out."""
-    trace = max(float(x @ _TRACE), 1e-300)
-    return 3 * math.log(trace / 3), 3 * _TRACE / trace, np.zeros((6, 6))
-
-
-def _newton(function: Function, x: np.ndarray, enough: float = ENOUGH) -> np.ndarray:
+def _newton(function: Function, x: np.ndarray) -> np.ndarray:
     """The minimum of a self-concordant function, by Newton steps."""
     value, slope, curvature = function(x)
     for _ in range(100):
         scale = 1 / np.sqrt(np.diag(curvature))
         step = -scale * np.linalg.solve(curvature * np.outer(scale, scale) + ROUNDING * np.eye(6), scale * slope)
         decrement = -float(slope @ step)
-        if decrement < enough:
+        if decrement < 1e-4:
             break
         length, rounding = 1.0, 1e-13 * abs(value)
         while not (new := function(x + length * step))[0] <= value - 0.1 * length * decrement + rounding:

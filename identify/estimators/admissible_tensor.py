@@ -1,5 +1,6 @@
 """The nearest tensor that a body can have, and what knowing this adds where data are weak.
 
+The fit is over the free numbers of :mod:`identify.rigid_body.pseudo_inertia`, so it cannot leave what is possible.
 Where the plain estimate lies well inside, nothing is done: bounds would bias what they need not touch. Where it lies
 outside or within three standard uncertainties of the edge, or the motion says nothing of a component, the interval of a
 component is its range over all bodies whose distance ``Q`` from the data exceeds the least one by no more than k², k
@@ -8,16 +9,18 @@ far from the edge; never empty, and never short for the reason that the estimate
 vanish, as a needle's does, two bounds meet and that range is too short: it reaches down to the plain interval's end.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from identify.estimators.admissible_range import Data, ends, nearest, rounded, size
+from identify.estimators.admissible_range import Data, ends, nearest, size
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS
-from identify.rigid_body.inertial_parameters import by_component
-from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, of_second_moment, second_moment
+from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_cholesky, of_second_moment, second_moment
 
 NEAR = 3.0
 """Standard uncertainties from the edge below which bounds matter."""
@@ -28,6 +31,8 @@ Chance: one in 200 for a body at the edge, such as a flat plate, whose plain est
 """
 CONTRADICTED = 4.0
 """Standard uncertainties from any body beyond which the data are wrong, not weak."""
+ROUNDNESS = 0.02
+"""Weight of a round body in the fit: it moves it by less than a twentieth of its standard uncertainty."""
 
 
 class Admissible(NamedTuple):
@@ -68,8 +73,10 @@ class Admissible(NamedTuple):
             "reason": self.reason,
             "distance": self.distance,
             "determined": dict(zip(COMPONENTS, map(bool, self.determined), strict=True)),
-            "plain_inertia": by_component(self.plain),
-            "plain_interval95": finite(by_component(self.plain_interval95)),
+            "plain_inertia": dict(zip(COMPONENTS, map(float, self.plain), strict=True)),
+            "plain_interval95": {
+                name: finite(pair) for name, pair in zip(COMPONENTS, self.plain_interval95, strict=True)
+            },
         }
 
 
@@ -84,6 +91,60 @@ def finite(content: Any) -> Any:
     return content
 
 
+def fit(
+    body: Callable[[Float[Array, " p"]], Float[Array, " p"]],
+    estimate: Float[np.ndarray, " p"],
+    information: Float[np.ndarray, "p p"],
+    start: Float[np.ndarray, " p"],
+) -> Float[np.ndarray, " p"]:
+    """Return the parameters of the body nearest to an estimate.
+
+    Least ``½ (b - b̂)ᵀ W (b - b̂) + w (3 log(tr Σ / 3) - log det Σ)`` over the free numbers: the second term, zero for
+    a round body, keeps off the edge and chooses where the data do not. BFGS, in the metric of the start.
+
+    Args:
+        body: :func:`log_cholesky` or :func:`pseudo_inertia`.
+        estimate: the plain estimate of what ``body`` returns; its last six are the tensor.
+        information: inverse of its covariance, zero where the data say nothing.
+        start: free numbers to start from.
+
+    Raises:
+        ValueError: the fit does not converge.
+    """
+    with jax.enable_x64(True):
+        arrays = tuple(jnp.asarray(np.asarray(array, np.float64)) for array in (estimate, information, start))
+        free, converged = _fit(body, *arrays)
+        if not bool(converged):
+            raise ValueError("Argument `estimate` must be near a body's, but the fit did not converge.")
+        return np.asarray(body(free))
+
+
+@partial(jax.jit, static_argnames="body")
+def _fit(body: Callable[[Array], Array], estimate: Array, information: Array, start: Array) -> tuple[Array, Array]:
+    import optimistix  # a fifth of a second, which few results need
+
+    def cost(free: Array) -> Array:
+        difference = body(free) - estimate
+        return 0.5 * difference @ information @ difference + ROUNDNESS * roundness(body(free)[-6:])
+
+    slope = jax.jacobian(body)(start)
+    metric = slope.T @ information @ slope + ROUNDNESS * jnp.eye(len(start), dtype=start.dtype)
+    scale = 1 / jnp.sqrt(jnp.diag(metric))
+    root = jnp.linalg.cholesky(metric * jnp.outer(scale, scale))
+    to_free = lambda z: start + scale * jax.scipy.linalg.solve_triangular(root.T, z)  # noqa: E731
+    solver: Any = optimistix.BFGS(rtol=1e-9, atol=1e-7)
+    solution: Any = optimistix.minimise(
+        lambda z, _: cost(to_free(z)), solver, jnp.zeros_like(start), max_steps=2000, throw=False
+    )
+    return to_free(solution.value), jnp.asarray(solution.result == optimistix.RESULTS.successful)
+
+
+def roundness(inertia: Float[Array, "6"]) -> Float[Array, ""]:
+    """Return ``3 log(tr Σ / 3) - log det Σ``: zero for a body with equal moments, infinite for a flat one."""
+    moments = jnp.tensordot(inertia, jnp.asarray(SECOND_MOMENT, inertia.dtype), axes=1)
+    return 3 * jnp.log(jnp.trace(moments) / 3) - jnp.linalg.slogdet(moments)[1]
+
+
 def margin(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> float:
     """Return how many standard uncertainties a tensor lies inside what bodies have; negative outside."""
     values, vectors = np.linalg.eigh(second_moment(inertia))
@@ -92,16 +153,22 @@ def margin(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]
     return float((values / spread).min())
 
 
-def distance_from_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> float:
+def distance_from_bodies(
+    inertia: Float[np.ndarray, "6"],
+    covariance: Float[np.ndarray, "6 6"],
+    seen: Float[np.ndarray, "k 6"] | None = None,
+) -> float:
     """Return how far the nearest body is, ``sqrt Q`` in standard uncertainties (Mahalanobis); 0 for a body's tensor.
 
     Args:
         inertia: a tensor [kg·m²].
         covariance: of it [(kg·m²)²]; a millionth of the tensor's size is added to what is exact.
+        seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
     """
-    if np.linalg.eigvalsh(second_moment(inertia)).min() >= 0:
+    seen = np.eye(6) if seen is None else seen
+    if len(seen) == 6 and np.linalg.eigvalsh(second_moment(inertia)).min() >= 0:
         return 0.0
-    data = _data(inertia, _not_exact(inertia, covariance), np.eye(6))
+    data = _data(inertia, _not_exact(inertia, covariance), seen)
     return float(np.sqrt(max(data.distance(nearest(data)), 0.0)))
 
 
@@ -141,7 +208,7 @@ def admissible(
     half = np.where(determined, coverage_factor * np.sqrt(np.diag(covariance)), np.nan)
     plain = np.stack([inertia - half, inertia + half], axis=1)
     well_inside = len(seen) == 6 and inside > 0
-    value = inertia if well_inside else rounded(data, _inner(data))
+    value = inertia if well_inside else _rounded(data, closest)
     interval = ends(data, least + coverage_factor**2)
     interval[MOMENTS, 0] = np.fmin(interval[MOMENTS, 0], np.maximum(plain[MOMENTS, 0], 0))
     distance = 0.0 if well_inside else float(np.sqrt(max(least, 0.0)))
@@ -149,6 +216,14 @@ def admissible(
         inertia=value, interval95=interval, determined=determined, plain=inertia, plain_interval95=plain,
         reason=_reason(determined, inside), distance=distance,
     )  # fmt: skip
+
+
+def _rounded(data: Data, closest: np.ndarray) -> np.ndarray:
+    """The body of :func:`fit`; where that does not converge, as of figures that are nearly exact, the nearest one."""
+    try:
+        return fit(log_cholesky, data.estimate, data.information, free_of(_inner(data)))
+    except ValueError:
+        return closest
 
 
 def _inner(data: Data) -> np.ndarray:

@@ -48,3 +48,16 @@ def pseudo_inertia(free: Float[Array, "10"]) -> Float[Array, "10"]:
     """
     mass = jnp.exp(2 * free[0])
     return jnp.concatenate([mass[None], free[7:], mass * log_cholesky(free[1:7])])
+
+
+def free_of(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+    """Return the free numbers of a tensor that a body has: the inverse of :func:`log_cholesky`.
+
+    Raises:
+        ValueError: no body has it.
+    """
+    flipped = second_moment(np.asarray(inertia, float))[::-1, ::-1]
+    if not (np.linalg.eigvalsh(flipped) > 0).all():
+        raise ValueError("Argument `inertia` must be a body's tensor, but breaks the triangle inequality.")
+    upper = np.linalg.cholesky(flipped)[::-1, ::-1]
+    return np.array([*np.log(np.diag(upper)), upper[0, 1], upper[1, 2], upper[0, 2]])

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from rig.exceptions import RigError, listed, on_one_line, quoted, reason
 from rig.read_limits import require_file
@@ -149,11 +149,11 @@ def _fix(joint: ElementTree.Element, position: float) -> None:
     if not np.isfinite(along).all() or not along.any():
         raise ValueError
     step = position * along / np.linalg.norm(along)
-    turn = Rotation.from_euler("xyz", angles)  # about the parent's axes, one after the other
+    turn = scipy.spatial.transform.Rotation.from_euler("xyz", angles)  # about the parent's axes, one after the other
     if joint.get("type") == "prismatic":
         place = place + turn.apply(step)
     else:
-        turn *= Rotation.from_rotvec(step)
+        turn *= scipy.spatial.transform.Rotation.from_rotvec(step)
     joint.set("type", "fixed")
     for child in [child for child in joint if child.tag not in ("parent", "child")]:
         joint.remove(child)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from identify.estimators.admissible_range import Data, ends, nearest, rounded
-from identify.estimators.admissible_tensor import admissible, distance_from_bodies, margin
+from identify.estimators.admissible_range import Data, ends, nearest
+from identify.estimators.admissible_tensor import admissible, distance_from_bodies, fit, margin
 from identify.rigid_body.inertia import parallel_axis, unpack
 from identify.rigid_body.principal_axes import is_admissible
-from identify.rigid_body.pseudo_inertia import log_cholesky, of_second_moment, pseudo_inertia, second_moment
+from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment
 
 PLATE = np.array([0.19, 0.0, 0.0, 0.19, 0.0, 0.38])
 """On the edge: I11 + I22 = I33."""
@@ -18,10 +18,13 @@ CUBE = np.array([0.38, 0.01, -0.02, 0.2, 0.005, 0.37])
 SIGMA = 5e-3
 
 
-def test_any_six_numbers_are_a_body(generator):
+def test_any_six_numbers_are_a_body_and_every_body_has_them(generator):
     for free in generator.normal(scale=1.5, size=(50, 6)):
         inertia = np.asarray(log_cholesky(jnp.asarray(free)))
         assert bool(is_admissible(jnp.asarray(inertia)))
+        np.testing.assert_allclose(free_of(inertia), free, atol=1e-6)
+    with pytest.raises(ValueError, match="must be a body's tensor"):
+        free_of(np.array([1.0, 0, 0, 1.0, 0, 3.0]))
 
 
 def test_second_moments_are_those_of_point_masses(generator):
@@ -79,6 +82,23 @@ def test_a_contradiction_is_not_weak_data():
     assert margin(wrong, np.eye(6) * 1e-6) < -100
 
 
+def test_where_the_fit_does_not_converge_it_is_the_nearest_body(monkeypatch):
+    """As it happens with figures that are nearly exact: the answer is on the edge, its intervals are the same."""
+    flat, covariance = PLATE + [0.01, 0, 0, 0, 0, 0], 0.01**2 * np.eye(6)
+    outside = flat - [0.02, 0, 0, 0, 0, 0]
+    rounded = admissible(outside, covariance, np.full(6, 1.96))
+
+    def diverges(*_):
+        raise ValueError("did not converge")
+
+    monkeypatch.setattr("identify.estimators.admissible_tensor.fit", diverges)
+    nearest_body = admissible(outside, covariance, np.full(6, 1.96))
+    np.testing.assert_allclose(nearest_body.interval95, rounded.interval95)
+    assert np.linalg.eigvalsh(second_moment(nearest_body.inertia)).min() == pytest.approx(0, abs=1e-4)
+    # the plane of I11 + I22 = I33 is 0.01 / √3 away
+    assert np.linalg.norm(nearest_body.inertia - outside) == pytest.approx(0.01 / np.sqrt(3), rel=0.02)
+
+
 @pytest.mark.parametrize("off", [0.5, 2.5, 6.0])
 def test_the_distance_from_every_body(off):
     """From diag(a, b, a + b + d) to the triangle's plane it is d / √3; equal standard uncertainties."""
@@ -97,10 +117,24 @@ def test_the_fit_leaves_alone_what_is_known_and_rounds_what_is_not():
     """Without I22, I23, I33: a body that turned about b1 only. Roundest is I22 = I33 = I11, where products vanish."""
     estimate = np.array([0.38, 0.0, 0.0, 0.0, 0.0, 0.0])
     weight = np.diag([1e6, 1e6, 1e6, 0, 0, 0])
-    fitted = rounded(Data(estimate, weight), 0.38 * np.array([1, 0, 0, 0.9, 0, 0.8]))
+    fitted = fit(log_cholesky, estimate, weight, free_of(0.38 * np.array([1, 0, 0, 0.9, 0, 0.8])))
     np.testing.assert_allclose(fitted, 0.38 * np.array([1, 0, 0, 1, 0, 1]), atol=2e-4)
-    inside = rounded(Data(CUBE, np.eye(6) * 1e6), CUBE + [0.02, 0, 0, 0.01, 0, 0])
+    inside = fit(log_cholesky, CUBE, np.eye(6) * 1e6, free_of(CUBE + [0.02, 0, 0, 0.01, 0, 0]))
     np.testing.assert_allclose(inside, CUBE, atol=0.05e-3)
+
+
+def test_ten_parameters_are_fitted_alike(generator):
+    """An estimate whose tensor is no body's, its mass and centre correlated with it: the nearest body's."""
+    true = np.array([19.7, 0.01, -0.02, 0.053, *PLATE])
+    root = np.diag([0.02, *[1e-4] * 3, *[SIGMA] * 6]) @ (np.eye(10) + 0.2 * generator.normal(size=(10, 10)))
+    covariance = root @ root.T
+    estimate = true + [0.01, 1e-4, 0, 0, 0, 0, 0, 0, 0, 0.01]
+    start = np.array([0.5 * np.log(19.7), *free_of(np.array([0.2, 0, 0, 0.2, 0, 0.37]) / 19.7), *true[1:4]])
+    fitted = fit(pseudo_inertia, estimate, np.linalg.inv(covariance), start)
+    assert bool(is_admissible(jnp.asarray(fitted[4:])))
+    left = fitted - estimate
+    of_true = estimate - true
+    assert left @ np.linalg.solve(covariance, left) < of_true @ np.linalg.solve(covariance, of_true)
 
 
 def coverage(true, trials, seed, sigma=SIGMA):

@@ -65,11 +65,7 @@ def channels(**changes):
 
 def broken_run(path, what):
     wrench, imu = channels()
-    if what == "nan":
-        omega = imu.angular_velocity.copy()
-        omega[17, 2] = np.nan
-        wrench, imu = channels(imu_angular_velocity=omega)
-    elif what == "backwards":
+    if what == "backwards":
         back = imu.stamp.copy()
         back[100:] -= 10**8
         wrench, imu = channels(imu_stamp=back)
@@ -97,7 +93,6 @@ def broken_run(path, what):
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        ("nan", "omega in run.mcap is not finite at sample 17"),
         ("no overlap", "no overlap in run.mcap: the stamps of /wrench run from 1.000 s to"),
         ("still", "does not identify I11, I12, I13, I22, I23, I33: rotate about more axes"),
         ("one sample", "fewer than two samples of the angular velocity in run.mcap"),
@@ -242,12 +237,12 @@ def test_packages_start_without_jax():
     ("command", "unused"),
     [
         ("record", "jax numpy scipy serial"),
-        ("import_", "equinox scipy.linalg scipy.special pint matplotlib"),
-        ("identify", "pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
-        ("centre", "scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),
-        ("montecarlo", "scipy.stats pint matplotlib jinja2"),
-        ("paper", "scipy.stats pint matplotlib jinja2"),
-        ("design", "scipy.stats pint matplotlib jinja2"),
+        ("import_", "optimistix equinox scipy.linalg scipy.special pint matplotlib"),
+        ("identify", "optimistix pint matplotlib jinja2 serial uq.bodies.reference uq.bodies.export"),
+        ("centre", "optimistix scipy.spatial scipy.stats scipy.signal pint matplotlib jinja2"),
+        ("montecarlo", "optimistix scipy.stats pint matplotlib jinja2"),
+        ("paper", "optimistix scipy.stats pint matplotlib jinja2"),
+        ("design", "optimistix scipy.stats pint matplotlib jinja2"),
     ],
 )
 def test_a_command_starts_without_what_few_of_its_calls_use(command, unused):
