@@ -46,8 +46,8 @@ def test_a_recording_in_this_convention(tmp_path, clean, row):
     assert [kind for kind, _ in findings][:1] == ([row["finding"]] if row["finding"] else [])
     if "obeyed" not in row:
         return
-    run, left = judged(path, tmp_path, row, **row["obeyed"])
-    assert left == []
+    run, remaining = judged(path, tmp_path, row, **row["obeyed"])
+    assert remaining == []
     named = findings[0][1]
     assert any(f"{key} = " in named or f" {key}" in named for key in row["obeyed"])
     if row["finding"] == "unit":

@@ -32,9 +32,9 @@ def test_coverage_factors_are_those_of_the_guide():
     for freedom, factor in ((2, 4.30), (4, 2.78), (10, 2.23), (50, 2.01)):
         assert degrees_of_freedom(factor) == pytest.approx(freedom, rel=0.1)
     assert degrees_of_freedom(1.96) == np.inf
-    one = np.ones(1)
-    assert of_normal(("a",), one, one, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
-    assert of_normal(("a",), one, one, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
+    figure = np.ones(1)
+    assert of_normal(("a",), figure, figure, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
+    assert of_normal(("a",), figure, figure, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
 
 
 def test_shares_of_visited_axes_are_those_of_caps_and_belts():
@@ -90,6 +90,8 @@ def test_a_trace_of_a_few_samples_is_small_but_there():
 def test_the_decision_rule_decides(value, simple, guarded):
     inertia, u = np.full(6, value), np.full(6, 0.1)
     for rule, outcome in (("simple", simple), ("guarded", guarded)):
-        (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (9.0, 11.0)}), inertia, u, 2 * u)
-        assert (one.component, one.outcome) == ("I22", outcome)
-    assert one.probability == pytest.approx({10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3)
+        (verdict,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (9.0, 11.0)}), inertia, u, 2 * u)
+        assert (verdict.component, verdict.outcome) == ("I22", outcome)
+    assert verdict.probability == pytest.approx(
+        {10.0: 1, 10.9: 0.8413, 9.1: 0.8413, 11.1: 0.1587}.get(value, 0), abs=2e-3
+    )

@@ -106,17 +106,17 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     """Draw the whole tensor of every trajectory and estimator: Shapley shares, and how much of the error is bias."""
     pairs = list(budgets)
     figure = new_figure(PAGE, 1.2 + 0.24 * len(pairs), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+    shapley, squares = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
     shares_of = 100 * np.column_stack([budgets[pair].sources.shapley.generalised for pair in pairs])
-    stacked(left, coloured_parts(budgets[pairs[0]].sources.players, shares_of), 0.7)
+    stacked(shapley, coloured_parts(budgets[pairs[0]].sources.players, shares_of), 0.7)
     bias = 100 * np.clip([budgets[pair].mean_square.tensor_bias_share for pair in pairs], 0, 1)
-    right.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
-    right.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
-    left.set_yticks(range(len(pairs)), [label(", ".join(pair)) for pair in pairs])
-    left.invert_yaxis()
-    left.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
-    right.set(xlim=(0, 100), xlabel="share of the mean square [%]")
-    for axes in (left, right):
+    squares.barh(range(len(pairs)), bias, 0.7, color=BIAS, label="bias")
+    squares.barh(range(len(pairs)), 100 - bias, 0.7, left=bias, color=DISPERSION, label="dispersion")
+    shapley.set_yticks(range(len(pairs)), [label(", ".join(pair)) for pair in pairs])
+    shapley.invert_yaxis()
+    shapley.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
+    squares.set(xlim=(0, 100), xlabel="share of the mean square [%]")
+    for axes in (shapley, squares):
         axes.tick_params(axis="y", left=False)
     legend_above(figure)
     return figure

@@ -48,11 +48,11 @@ def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
     """
     figure = new_figure(PAGE, 0.6 + 1.25 * len(runs), layout="constrained")
     panels = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 2))
-    for (left, right), run in zip(panels, runs, strict=True):
+    for (in_time, in_frequency), run in zip(panels, runs, strict=True):
         assert run.trace is not None  # noqa: S101
-        _in_time(left, run.trace)
-        _in_frequency(right, run.trace)
-        left.set_title(label(run.file), loc="left")
+        _in_time(in_time, run.trace)
+        _in_frequency(in_frequency, run.trace)
+        in_time.set_title(label(run.file), loc="left")
     panels[-1, 0].set_xlabel("time from the run's start [s]")
     panels[-1, 1].set_xlabel("frequency [Hz]")
     legend_above(figure)
