@@ -32,6 +32,7 @@ TURNED = [
     f"design {NAME}.mcap",
     f"record {NAME}.mcap -o {NAME}6.mcap",
     f"schema {NAME}",
+    f"examples {NAME}",
     f"paper --trials {NAME}",
 ]
 
