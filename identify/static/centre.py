@@ -17,9 +17,10 @@ from identify.rigid_body.regressor import cross_matrices
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import refuse_excess
 from identify.static.centre_result import Centre
+from identify.static.creep import Creep, creep
 from identify.static.gain_check import GainCheck, gain_check
 from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, PoseSignals, fit, predicted_fit
-from identify.static.pose_outliers import Creep, Outlier, creep, outliers
+from identify.static.pose_outliers import Outlier, outliers
 
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
@@ -53,8 +54,9 @@ def centre(
     A mass from a scale is one more observation, unless the load cell's own contradicts it: then the mass is the
     scale's, and centre and offsets are those of the load cell alone, whose gain cancels in ``(m r) / m``.
 
-    A pose that the others contradict is named and kept: its residual widens the intervals. Readings that lag behind the
-    load (creep, hysteresis) are corrected by a lag that is estimated along. See :mod:`identify.static.pose_outliers`.
+    A pose that the others contradict is named and kept: its residual widens the intervals
+    (:mod:`identify.static.pose_outliers`). Readings that lag behind the load (creep, hysteresis) are corrected by a lag
+    that is estimated along (:mod:`identify.static.creep`).
 
     Args:
         force: mean force on the body, in B [N], shape (n, 3).
