@@ -11,12 +11,14 @@ take part: beyond them rows hold nothing but the gyro's noise, which weights cou
 few to learn weights from, the run is fitted by ordinary least squares.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from identify.choices import OffsetChoice
+from identify.estimators.declared_effects import DeclaredError, residual_changes
 from identify.estimators.excitation import excitation
 from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
@@ -76,6 +78,8 @@ class Weighed(NamedTuple):
     (:mod:`identify.estimators.motion_columns`)."""
     scores: np.ndarray
     """Covariance of the three right sides from noise, (18, 18): by what the unknowns for such moments leave."""
+    by_errors: np.ndarray
+    """Changes of the three right sides by one standard uncertainty of each declared error, (18, q)."""
     enough: bool
     """Whether there were lines enough for weights; otherwise all three equations are those of ordinary least
     squares."""
@@ -98,12 +102,13 @@ class WeightedFit(NamedTuple):
 
 
 def whitened(
-    run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice, sigma_r_cg: np.ndarray
-) -> Weighed:
+    run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice, sigma_r_cg: np.ndarray,
+    errors: Sequence[DeclaredError] = (),
+) -> Weighed:  # fmt: skip
     """Return a run's normal equations with weights by its errors' covariance, beside those of other estimates.
 
     Arguments and errors are those of :func:`identify.estimators.run_information.information`; ``sigma_r_cg`` is the
-    centre of gravity's standard uncertainty on each axis [m].
+    centre of gravity's standard uncertainty on each axis [m], ``errors`` those that are declared.
     """
     record = run_lines(run, estimator)
     lines, plain = record.lines, information_of_lines(record, estimator, r_cg, offsets=offsets)
@@ -111,7 +116,7 @@ def whitened(
     power_gain = response(estimator.filter_taps(run.rate), run.rate, lines.frequency) ** 2
     inside = _inside(run, lines, power_gain)
     if inside < lines.constants + FEWEST:
-        return _unweighed(plain, unweighted[:])
+        return _unweighed(plain, unweighted[:], len(errors))
     used = unweighted if offsets == "still" else record
     near = slice(0, reach(inside, len(record), WIDER))
     x, y, pushes = used[near], used.about_cg(r_cg, near), used.signals_at(near)[FORCE].T
@@ -160,7 +165,11 @@ def whitened(
         trace=trace(record.t, residuals, used.moment_in_time(r_cg), record.motion), weighed=weighed,
     )  # fmt: skip
     extended = _equations_of(eliminated.rows, x[:inside], *sides)
-    return Weighed(weighted=estimate, plain=plain, extended=extended, scores=scores, enough=True)
+    changes = residual_changes(unweighted, inertia, r_cg, errors)
+    by_errors = np.sum([products(every[part], changes[part]) for part in record.parts()], axis=0)
+    return Weighed(
+        weighted=estimate, plain=plain, extended=extended, scores=scores, by_errors=by_errors, enough=True,
+    )  # fmt: skip
 
 
 def _by_centre(force: np.ndarray) -> np.ndarray:
@@ -197,14 +206,14 @@ class RowsSideBySide:
         return np.concatenate([first, unweighted, last], axis=2)
 
 
-def _unweighed(plain: Information, rows: np.ndarray) -> Weighed:
+def _unweighed(plain: Information, rows: np.ndarray, errors: int) -> Weighed:
     """Ordinary least squares, of these transformed rows, in place of all three."""
     weight = plain.weight
     extended = TensorEquations(weight * plain.normal, weight * plain.right, weight * plain.right_by_centre)
     factors = np.array([1, 1, weight])
     return Weighed(
         weighted=replace(plain, weighed=rows), plain=plain, extended=extended,
-        scores=np.kron(np.outer(factors, factors), plain.scores), enough=False,
+        scores=np.kron(np.outer(factors, factors), plain.scores), by_errors=np.zeros((18, errors)), enough=False,
     )  # fmt: skip
 
 

@@ -108,7 +108,8 @@ def _difference(
         return noise + centre @ centre_covariance @ centre.T
 
     value = other - weighted.inertia
-    no_news = SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
+    by_errors = np.sum([j @ run.by_errors for j, run in zip(apart, runs, strict=True)], axis=0)
+    no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
     expected = covariance(apart, apart_by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     factor = scipy.special.stdtrit(freedom, PROBABILITY)

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identify.estimators.declared_effects import DeclaredError
 from identify.estimators.generalised_least_squares import Weighed, whitened
 from identify.estimators.hausman import CHANCE, EstimateDifference, differences, reaching
 from identify.estimators.pooling import pool
+from identify.joint.priors import axes_of
 from identify.methods.base import Method, Problem
 from identify.methods.source import estimator_for, result_of
 from identify.results.identification_result import Identification
@@ -33,7 +35,11 @@ class GeneralisedLeastSquares(Method):
             RunError: a run too short for the estimator, or a motion that identifies nothing.
         """
         spec, sigma = estimator_for(problem), problem.sigma_r_cg
-        runs = [whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma) for run in problem.runs]
+        errors = [DeclaredError(*axis) for axis in axes_of(problem.errors).values()]
+        runs = [
+            whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma, errors=errors)
+            for run in problem.runs
+        ]
         weighted, plain = ([getattr(run, name) for run in runs] for name in ("weighted", "plain"))
         with_weights, without = pool(weighted, sigma), pool(plain, sigma)
         centre_covariance = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]

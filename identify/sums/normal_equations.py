@@ -8,7 +8,8 @@ from jaxtyping import Bool, Float
 
 def products(left: Float[np.ndarray, "m rows p"], right: Float[np.ndarray, "m rows q"]) -> Float[np.ndarray, "p q"]:
     """Return the sums of products of columns over all lines and rows, (p, q)."""
-    return np.asarray(left.reshape(-1, left.shape[2]).T @ right.reshape(-1, right.shape[2]))
+    count = left.shape[0] * left.shape[1]  # stated, since a shape of -1 knows no columns of none
+    return np.asarray(left.reshape(count, left.shape[2]).T @ right.reshape(count, right.shape[2]))
 
 
 def solution(normal: Float[np.ndarray, "p p"], right: Float[np.ndarray, "p *k"]) -> Float[np.ndarray, "p *k"]:

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("mujoco")
 
-from benchmarks.honesty import CLEAN, Judged, judged, plain, row
+from benchmarks.honesty import CLEAN, Judged, Stated, judged, plain, row
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, write
 from uq.experiment.experiment import Experiment
@@ -34,7 +34,7 @@ def test_every_program_is_asked_about_the_same_file(tmp_path, monkeypatch):
     said = np.stack([truth - 1.0, truth + 0.5], axis=1)
     seen = []
     monkeypatch.setattr(
-        "benchmarks.honesty.PEERS", {"p": lambda path, experiment: (seen.append(path), said, False)[1:]}
+        "benchmarks.honesty.PEERS", {"p": lambda path, experiment: (seen.append(path), Stated(said, False))[1]}
     )
     (answer,) = judged("cable", 500, tmp_path)
     assert seen == [tmp_path / "run.mcap"]

@@ -47,8 +47,16 @@ class Setup:
     """Times ``NOISE``."""
     drawn: float = 1.0
     """Times ``SIGMA``: of what is drawn, not of what is declared."""
+    rate: int = RATE
+    """Samples a second of both sensors; divides ``FINE``."""
+    pace: float = 1.0
+    """Times the frequencies of the motion."""
+    swing: tuple = (1.0,) * 3
+    """Times the three angles of the motion."""
     inertia: np.ndarray | None = None
     """Of another body, (3, 3)."""
+    mass: float = MASS
+    """Of another body [kg]."""
     imu_position: tuple = (0.02, 0.03, -0.04)
     """The accelerometer, from Q, as declared."""
     imu_on_body: bool = False
@@ -191,9 +199,9 @@ def measure(seed=0, setup=None, **options) -> Measured:
     base = base_motion(setup)
     wrench, seen = wrench_of(setup, base, np.random.default_rng([20161, seed]))
     imu = imu_signals(setup, seen)
-    t = np.arange(round(setup.seconds * RATE) + 1) / RATE
+    t = np.arange(round(setup.seconds * setup.rate) + 1) / setup.rate
     wrench, imu = behind_filter(wrench, setup.cell_filter), behind_filter(imu, setup.imu_filter)
-    wrench = cell_reading(setup, wrench[:: FINE // RATE], t)
+    wrench = cell_reading(setup, wrench[:: FINE // setup.rate], t)
     imu = at(base.t, imu, t * (1 + setup.imu_clock) - setup.imu_delay)
     imu[:, :3] += np.outer(t / t[-1], setup.gyro_drift) + draw["gyro"]
     imu[:, 3:] += np.add(setup.accelerometer_offset, draw["accelerometer"])
@@ -202,7 +210,7 @@ def measure(seed=0, setup=None, **options) -> Measured:
     wrench, imu = digits(setup, wrench, rng), rounded(imu + white[:, 6:], setup.imu_step)
     (t_wrench, wrench), (t_imu, imu) = (recorded(setup, t, rows, rng) for rows in (wrench, imu))
     r_cg = R_CG + draw["r_cg"] + setup.r_cg_error
-    return Measured(t_wrench, wrench[:, :3], wrench[:, 3:], t_imu, imu[:, :3], imu[:, 3:], MASS + setup.mass_error,
+    return Measured(t_wrench, wrench[:, :3], wrench[:, 3:], t_imu, imu[:, :3], imu[:, 3:], setup.mass + setup.mass_error,
                     r_cg, setup, seed)  # fmt: skip
 
 
@@ -261,7 +269,7 @@ def at(t, signals, instants):
 def digits(setup, wrench, rng):
     """Wrong samples, the end of the range, and rounding."""
     if np.any(setup.spikes):
-        hit = rng.random(len(wrench)) < setup.spike_rate / RATE
+        hit = rng.random(len(wrench)) < setup.spike_rate / setup.rate
         wrench = wrench + np.outer(hit * rng.choice([-1, 1], len(hit)), setup.spikes)
     low, high = wrench.min(axis=0), wrench.max(axis=0)
     room = (high - low) * np.asarray(setup.clipped) / 2

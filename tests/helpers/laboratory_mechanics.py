@@ -39,13 +39,13 @@ class Motion:
     """Specific force at the point of the base that keeps still, gravity and vibration [m/s²]."""
 
 
-def base_angles(t, length, shaking=ZERO, frequency=1.0):
+def base_angles(t, length, shaking=ZERO, frequency=1.0, swing=(1.0,) * 3, pace=1.0):
     """Yaw, pitch and roll with their first and second derivatives, (3, n, 3): four sines an axis, at rest at both ends."""
     sines = np.array([[0.83, 1.11, 1.42, 1.87], [0.91, 1.23, 1.58, 1.96], [0.80, 1.02, 1.36, 1.74]])
     phase = np.array([[0.3, 2.1, 4.4, 1.2], [5.0, 0.9, 3.3, 2.6], [1.7, 4.0, 0.2, 5.5]])
-    turn = 2 * np.pi * sines
+    turn = 2 * np.pi * pace * sines
     angle = np.multiply.outer(t, turn) + phase
-    swing = 0.08 * np.stack([np.sin(angle), turn * np.cos(angle), -(turn**2) * np.sin(angle)]).sum(axis=-1)
+    sums = np.stack([np.sin(angle), turn * np.cos(angle), -(turn**2) * np.sin(angle)]).sum(axis=-1)
     ease = np.polynomial.Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])  # flat to the fourth derivative
     rest, ramp = 1.0, 2.0
     rising, falling = (np.clip((x - rest) / ramp, 0, 1) for x in (t, length - t))
@@ -55,20 +55,20 @@ def base_angles(t, length, shaking=ZERO, frequency=1.0):
     w = 2 * np.pi * frequency
     line = np.multiply.outer([-np.sin(w * t) / w**2, -np.cos(w * t) / w, np.sin(w * t)], shaking)
     g0, g1, g2 = (g[:, None] for g in gain)
-    s0, s1, s2 = swing
+    s0, s1, s2 = 0.08 * np.multiply(swing, sums)
     return np.stack([g0 * s0, g1 * s0 + g0 * s1, g2 * s0 + 2 * g1 * s1 + g0 * s2]) + line
 
 
 def base_motion(setup) -> Motion:
     """The base's motion, turned by yaw, then pitch, then roll; in closed form, computed once for all runs alike."""
-    vectors = (tuple(map(float, vector)) for vector in (setup.tilt, setup.vibration, setup.shaking))
-    return _base_motion(setup.seconds, *vectors, setup.vibration_frequency)
+    vectors = (tuple(map(float, vector)) for vector in (setup.tilt, setup.vibration, setup.shaking, setup.swing))
+    return _base_motion(setup.seconds, *vectors, setup.pace, setup.vibration_frequency)
 
 
 @lru_cache(maxsize=2)
-def _base_motion(length, tilt, vibration, shaking, frequency):
+def _base_motion(length, tilt, vibration, shaking, swing, pace, frequency):
     t = np.arange(round(length * FINE) + 1) / FINE
-    angles, rates, seconds = base_angles(t, length, shaking, frequency)
+    angles, rates, seconds = base_angles(t, length, shaking, frequency, swing, pace)
     (a1, b1, c1), (a2, b2, c2) = rates.T, seconds.T
     (sb, sc), (cb, cc) = np.sin(angles.T[1:]), np.cos(angles.T[1:])
     omega = [c1 - a1 * sb, b1 * cc + a1 * cb * sc, a1 * cb * cc - b1 * sc]
@@ -115,7 +115,7 @@ def wrench_of(setup, base, rng):
 
 def needed(setup, omega, alpha, at_q, r):
     """Newton and Euler: the wrench at Q that this motion of the body takes."""
-    force = MASS * carried(at_q, omega, alpha, r)
+    force = setup.mass * carried(at_q, omega, alpha, r)
     spin = omega @ setup.tensor
     return np.hstack([force, alpha @ setup.tensor + cross(omega, spin) + cross(r, force)])
 
@@ -166,7 +166,7 @@ def bent_mounting(setup, base, at_q, r, load, rng):
     The springs are set so that the body is level at rest. Its equations in full, with rotation vectors to second order,
     stand on the right of the linear oscillators, whose answer is put in again until nothing changes.
     """
-    shift = MASS * (R_CG @ R_CG * np.eye(3) - np.outer(R_CG, R_CG))
+    shift = setup.mass * (R_CG @ R_CG * np.eye(3) - np.outer(R_CG, R_CG))
     about_q = setup.tensor + shift
     natural = 2 * np.pi * np.broadcast_to(setup.flex_frequency, 3)
     stiffness = natural**2 * np.diag(about_q)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identify.estimators.declared_effects import DeclaredError
 from identify.estimators.generalised_least_squares import whitened
-from identify.estimators.hausman import differences
+from identify.estimators.hausman import CHANCE, differences
 from identify.estimators.motion_columns import ANTISYMMETRIC, SYMMETRIC, angle_turned, motion_columns
 from identify.estimators.pooling import pool
 from identify.identification import identify
@@ -33,11 +34,12 @@ def half_widths(result):
     return np.ptp(result.interval95, axis=1) / 2
 
 
-def compared(measured):
+def compared(measured, errors=()):
     """Runs of one body: their tensor with weights, and both differences."""
     spec, sigma = EstimatorSpec("smoothed", "savitzky-golay", BAND), np.array(SIGMA["r_cg"])
     r_cg = measured[0].r_cg
-    of_runs = [whitened(run_of(run), spec, r_cg, offsets="estimate", sigma_r_cg=sigma) for run in measured]
+    options = {"offsets": "estimate", "sigma_r_cg": sigma, "errors": errors}
+    of_runs = [whitened(run_of(run), spec, r_cg, **options) for run in measured]
     weighted, plain = ([getattr(run, name) for run in of_runs] for name in ("weighted", "plain"))
     pooled = [pool(infos, sigma) for infos in (weighted, plain)]
     return of_runs, pooled, differences(of_runs, *pooled, np.diag(sigma**2))
@@ -79,6 +81,32 @@ def test_a_pool_is_linear_in_its_runs_equations_and_so_are_differences():
     np.testing.assert_allclose(both[0].value, plain.inertia - weighted.inertia)
     for difference in both:
         assert (np.linalg.eigvalsh(difference.covariance) > 0).all()
+
+
+ERRORS = {
+    "cell_gain": ("cell_matrix", np.diag([0, 0, 0, 0, 0.01, 0]).ravel(), (0, 0, 0, 0, 0.01, 0)),
+    "cell_turn": ("cell_matrix", -np.kron(np.eye(2), np.cross(np.eye(3), [0, 0.01, 0]).T).ravel(), (0, 0.01, 0)),
+    "gyro_scale": ("gyro_scale", np.array([0, 0.01, 0]), (0, 0.01, 0)),
+    "gyro_turn": ("rotation", np.array([0.01, 0, 0]), (0.01, 0, 0)),
+    "imu_delay": ("delay", np.array([0.001]), 0.001),
+}
+
+
+@pytest.mark.parametrize("option", ERRORS)
+def test_a_difference_that_declared_errors_explain_is_expected(option):
+    """Ordinary least squares of the laboratory with the error, less those with its negative: to 3 % of the largest."""
+    unknown, numbers, amount = ERRORS[option]
+    error = [DeclaredError(unknown, numbers)]
+    negative, wrong = (measure(3, seconds=15.0, **{option: sign * np.array(amount)}) for sign in (-1, 1))
+    both = [compared([run], error) for run in (negative, wrong)]
+    # to second order the derivatives differ, and their mean is the secant's slope
+    change = np.mean([plain.by_right[0] @ run.by_errors[6:12, 0] for (run,), (_, plain), _ in both], axis=0)
+    seen = (both[1][1][1].inertia - both[0][1][1].inertia) / 2
+    signed = np.sign(change @ seen) * change  # the sign of an axis' error does not count
+    np.testing.assert_allclose(signed, seen, atol=0.03 * np.abs(change).max())
+    if option in ("cell_gain", "cell_turn"):
+        assert min(difference.chance for difference in compared([wrong])[2]) < CHANCE
+    assert min(difference.chance for difference in both[1][2]) > CHANCE
 
 
 @pytest.mark.parametrize("still", [False, pytest.param(True, marks=pytest.mark.study)])
