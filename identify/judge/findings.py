@@ -170,6 +170,10 @@ class Finding(Enum):
         "unit", "the gyro turns {ratio:.0f} times faster than gravity does: it is probably in deg/s",
         'set angular_velocity_unit = "deg/s" in [recording]'
     )  # fmt: skip
+    RATE_UNIT = (
+        "unit", "the attitude turns {ratio} times as fast as the angular velocity says",
+        'set angular_velocity_unit = "{unit}" in [recording]'
+    )  # fmt: skip
     UNITS = (
         "unit",
         "force and moment are those of no body of {shown} kg as declared, but of one of {mass} kg in other units",
@@ -188,6 +192,10 @@ class Finding(Enum):
         "axes",
         "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
         "are the IMU's ({axes}){doubt}", "set {lines} in [recording]"
+    )  # fmt: skip
+    RATE_AXES = (
+        "turned", "angular velocity and attitude have axes that are turned by {angle} deg about ({about})",
+        "two sensors? use one of them: import without the columns of the other, or record the attitude as poses"
     )  # fmt: skip
     IMU_MIRRORED = "mirror", "the IMU's axes are left-handed: only ({axes}) of them fit the wrench", CHANNELS
     IMU_MIRRORED_AND_TURNED = (
@@ -233,8 +241,8 @@ class Finding(Enum):
     )  # fmt: skip
     WEIGHT_OF_ANOTHER_PAYLOAD = (
         "weight", "the force has the weight of {weighs} kg, but the inertia of {mass} kg{doubt}",
-        'weight of {removed} kg removed by the driver? set compensated = "gravity" in [recording], with payload_mass '
-        "and payload_r_cg_from_q where that payload is not the body"
+        'weight of {removed} kg removed by the driver? set compensated = "gravity", and payload_mass and '
+        "payload_r_cg_from_q as the driver was told them, in [recording]"
     )  # fmt: skip
     POSES_UPSIDE_DOWN = (
         "gravity",
@@ -243,6 +251,10 @@ class Finding(Enum):
         'set wrench = "on_sensor" ("on_body" where it says so already), or urdf_gravity = [{gravity}], in [recording]'
     )  # fmt: skip
     ATTITUDE_READ_OTHERWISE = "attitude", "the forces fit the attitudes only {how}{doubt}", "{lines}"
+    QUATERNION_ORDER = (
+        "attitude", "the angular velocity fits the attitude only with the quaternion's fields read as ({order})",
+        "{lines}"
+    )  # fmt: skip
     WEIGHT_MISSING = "weight", "the force is the weight of {mass} kg, far less than that of {body}", "{lines}"
     WEIGHT_PARTLY_MISSING = (
         "weight", "the force changes as that of some {mass} kg, but {share:.0%} of its weight is missing throughout",

@@ -66,14 +66,25 @@ def from_axes(text: str) -> Float[np.ndarray, "3 3"]:
     Raises:
         ValueError: not three axes with their signs, one axis twice, or left-handed.
     """
+    return nearest_rotation(signed_order(text, "xyz"))
+
+
+def signed_order(text: str, names: str) -> Float[np.ndarray, "n n"]:
+    """Return the matrix of names with their signs, such as ``"-y, z, x"``: of each row, the name that it takes.
+
+    Raises:
+        ValueError: not each of ``names`` once, with one sign at most.
+    """
     words = [word.strip().lower() for word in text.split(",")]
-    names = [word.lstrip("+-").strip() for word in words]
-    if sorted(names) != ["x", "y", "z"] or any(len(word) - len(word.lstrip("+-")) > 1 for word in words):
-        raise ValueError('is not three signed axes: write each of x, y, z once, such as "-y, z, x"')
-    rows = np.zeros((3, 3))
-    for row, word, name in zip(rows, words, names, strict=True):
-        row["xyz".index(name)] = -1.0 if word.startswith("-") else 1.0
-    return nearest_rotation(rows)
+    plain = [word.lstrip("+-").strip() for word in words]
+    if sorted(plain) != sorted(names) or any(len(word) - len(word.lstrip("+-")) > 1 for word in words):
+        example = ", ".join(names[1:] + names[0])
+        count = {3: "three", 4: "four"}[len(names)]
+        raise ValueError(f'is not {count} signed axes: write each of {", ".join(names)} once, such as "-{example}"')
+    rows = np.zeros((len(names), len(names)))
+    for row, word, name in zip(rows, words, plain, strict=True):
+        row[names.index(name)] = -1.0 if word.startswith("-") else 1.0
+    return rows
 
 
 def exponential(turn: Float[ArrayT, "3"]) -> Float[ArrayT, "3 3"]:
@@ -97,19 +108,31 @@ def exponentials(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
     return np.asarray(np.eye(3) + sine * hats + cosine * (hats @ hats))
 
 
-def rotation_vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
-    """Return the rotation vectors [rad] of many rotation matrices, of length π at most, in NumPy."""
+def quaternions(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 4"]:
+    """Return the unit quaternions w, x, y, z of many rotation matrices, w not negative, in NumPy."""
     trace, unit = np.trace(rotations, axis1=1, axis2=2)[:, None, None], np.eye(3)
     products = np.empty((len(rotations), 4, 4))  # of the quaternion with itself, four times
     products[:, 0, 0] = 1 + trace[:, 0, 0]
     products[:, 0, 1:] = products[:, 1:, 0] = np.einsum("kij,nij->nk", CROSS, rotations)
     products[:, 1:, 1:] = rotations + rotations.swapaxes(1, 2) + (1 - trace) * unit
     largest = np.argmax(np.diagonal(products, axis1=1, axis2=2), axis=1)
-    quaternions = products[np.arange(len(rotations)), largest]
-    quaternions *= np.where(quaternions[:, :1] < 0, -1, 1) / np.linalg.norm(quaternions, axis=1, keepdims=True)
-    sine = np.linalg.norm(quaternions[:, 1:], axis=1, keepdims=True)
-    angle = 2 * np.arctan2(sine, quaternions[:, :1])
-    return np.asarray(quaternions[:, 1:] * np.where(sine > 0, angle / np.where(sine > 0, sine, 1), 2))
+    largest_rows = products[np.arange(len(rotations)), largest]
+    signs = np.where(largest_rows[:, :1] < 0, -1, 1)
+    return np.asarray(largest_rows * signs / np.linalg.norm(largest_rows, axis=1, keepdims=True))
+
+
+def from_quaternions(values: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the rotation matrices of many unit quaternions w, x, y, z, in NumPy."""
+    hats = cross_matrices(values[:, 1:])
+    return np.asarray(np.eye(3) + 2 * (values[:, :1, None] * hats + hats @ hats))
+
+
+def rotation_vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Return the rotation vectors [rad] of many rotation matrices, of length π at most, in NumPy."""
+    values = quaternions(rotations)
+    sine = np.linalg.norm(values[:, 1:], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, values[:, :1])
+    return np.asarray(values[:, 1:] * np.where(sine > 0, angle / np.where(sine > 0, sine, 1), 2))
 
 
 def cumulative_product(matrices: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:

@@ -207,6 +207,24 @@ def not_a_number(run):
     return replace(run, force=force, joints=joints, omega=omega)
 
 
+def inverse_quaternion(run):
+    return replace(run, quaternion=run.quaternion * [-1, -1, -1, 1])
+
+
+def scalar_first(run):
+    return replace(run, quaternion=run.quaternion[:, [3, 0, 1, 2]])
+
+
+def degrees_twice(run):
+    """An angular velocity that was taken for degrees though it was in rad/s."""
+    return replace(run, omega=np.radians(run.omega))
+
+
+def gyro_turned(run):
+    """A gyro with other axes than those of the quaternion, as of two sensors."""
+    return replace(run, omega=run.omega[:, [2, 0, 1]])
+
+
 def grasped_midway(run):
     """Nothing but the load cell's zero in the first half."""
     empty = np.random.default_rng(9).normal(ZERO, [0.05] * 3 + [2e-3] * 3, (len(run.t), 6))
@@ -219,7 +237,7 @@ CONVENTIONS = {
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
         accelerometer_down, reversed_wrench, clocks_apart, booted_clock, strain_gauge,
-        not_a_number, grasped_midway,
+        not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned,
     )
 }  # fmt: skip
 CONVENTIONS |= {

@@ -14,6 +14,7 @@ import numpy as np
 from identify import methods
 from identify.choices import CgMotion
 from identify.joint.alignment_prior import Alignment
+from identify.rigid_body.rotation import signed_order
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.platform_table import STANDARD_GRAVITY
@@ -63,6 +64,12 @@ def _names(_: str, raw: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(raw))
 
 
+def _fields(_: str, raw: Any) -> np.ndarray:
+    if not isinstance(raw, str):
+        raise ValueError(f"is {quoted(raw)}: write a string")
+    return signed_order(raw, "xyzw")
+
+
 class SensorConventions(TomlTable, frozen=True, kw_only=True):
     """Signs, units, axes and points of a run's numbers; missing: not declared."""
 
@@ -107,6 +114,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     root of ``urdf``, or the reference frame of poses and quaternions. ``base`` and ``world`` mean the same."""
     zero_frame: Literal["sensor", "base"] | None = None
     """Axes along which the load cell's zero is constant: the sensor's, or, of method ``joint``, those at rest."""
+    quaternion: Annotated[np.ndarray, written(_fields, {"type": "string", "examples": ["w, x, y, z"]})] | None = None
+    """Meaning of a recorded quaternion's fields x, y, z, w in this order: ``w, x, y, z`` where the scalar is first,
+    ``-x, -y, -z, w`` where the rotation takes components at rest to the sensor's."""
     accelerometer_at_rest: Literal["up", "down"] | None = None
     """Direction of the accelerometer's reading at rest: up (specific force), or down (its negative)."""
     imu_position: Point | None = None

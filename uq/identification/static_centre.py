@@ -101,7 +101,7 @@ def centre_file(
     try:
         plain = estimate(attitudes=wrenches.attitudes)
     except RunError as error:
-        raise RunError("; ".join([str(error), *wrenches.findings])) from None
+        raise RunError("; ".join(wrenches.findings) or str(error)) from None
     push = plain.mass * wrenches.specific_force
     errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
     attitudes = replace(wrenches.attitudes, wrench=errors)

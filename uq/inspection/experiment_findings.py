@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.judge.conventions.attitude_findings import attitude_findings
 from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
 from identify.judge.conventions.declared_rig import DeclaredRig
@@ -46,10 +47,12 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     delay = recording.delay or 0.0 if recording.method == "joint" else 0.0
     imu = ImuSignal(time - delay, run.omega[usable], specific[usable])
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
-    if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name):
+    if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name, delay):
         return clocks
     attitude = _attitude(run, experiment, usable)
     rig = _declared(run, experiment, undone=undone, turn_free=turn_free)
+    if attitude is not None and (contradicted := attitude_findings(imu, attitude.to_rest, rig, run.name)):
+        return contradicted
     if run.specific_force is None:
         has_gravity = attitude is not None and attitude.gravity is not None
         return run_gravity(wrench, imu, attitude, rig, run.name).findings if has_gravity else []
@@ -65,9 +68,9 @@ def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal
     if run.attitude is None:
         return None
     recording = experiment.recording
-    source: Source = "quaternion" if run.gravity is None else "poses" if run.specific_force is None else "joints"
+    source: Source = "quaternion" if run.gravity is None else "poses" if recording.urdf is None else "joints"
     return AttitudeSignal(
-        to_rest=run.attitude[usable], gravity=run.gravity, source=source,
+        to_rest=run.attitude[usable], gravity=run.gravity, source=source, accelerates=run.specific_force is not None,
         turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest,
     )  # fmt: skip
 
@@ -89,6 +92,8 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
         imu_rotation=recording.imu_rotation_to_body,
         weighed=recording.zero != "loaded" and not removed,
         units=(_in_si(recording.force_unit, "N"), _in_si(recording.moment_unit, "N*m")),
+        rate_unit=_in_si(recording.angular_velocity_unit, "rad/s"),
+        quaternion=recording.quaternion,
         turn=_sigma_turn(experiment, turn_free=turn_free),
     )
 

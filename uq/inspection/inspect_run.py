@@ -3,6 +3,7 @@
 Without an experiment nothing here imports JAX: ``inertia inspect`` starts at once.
 """
 
+import contextlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,7 +42,9 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     """
     if experiment is None:
         return _cured(inspect(path, judge=_without_experiment))
+    from identify.signals.run import RunError
     from uq.inspection.experiment_findings import experiment_findings
+    from uq.recorded.gravity_compensation import undo
     from uq.recorded.load_run import load
     from uq.recorded.time_window import cut
 
@@ -51,7 +54,10 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         if experiment.r_cg_from_q is not None and not experiment.r_cg_from_q.any():
             # About the centre of gravity the moment alone tells the tensor: the force may be missing.
             findings = [finding for finding in findings if finding.kind != "no force"]
-        return [*findings, *experiment_findings(run, experiment)]
+        weighed, undone = run, False
+        with contextlib.suppress(RunError):  # without mass or attitude the weight that was removed stays away
+            weighed, undone = undo(run, (), experiment)[0], True
+        return [*findings, *experiment_findings(weighed, experiment, undone=undone)]
 
     return _cured(inspect(path, judge=judge))
 

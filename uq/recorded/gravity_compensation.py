@@ -74,7 +74,8 @@ def _arm(experiment: Experiment) -> float:
 
 def _mass(run: Run, experiment: Experiment, why: str) -> float:
     if experiment.mass is None:
-        raise RunError(f"recording.{why}, and the weight that {run.name} lacks needs the mass: give body.mass")
+        payload = ", or payload_mass and payload_r_cg_from_q" if experiment.recording.removes_weight else ""
+        raise RunError(f"recording.{why}, and the weight that {run.name} lacks needs the mass: give body.mass{payload}")
     return experiment.mass
 
 

@@ -88,6 +88,9 @@ def of_channels(
     read = len(bag.wrench.stamp) + len(bag.motion.stamp)
     bag = replace(bag, wrench=_finite(bag.wrench), motion=_finite(bag.motion))
     lost = read - len(bag.wrench.stamp) - len(bag.motion.stamp)
+    if recording.quaternion is not None and bag.motion.orientation is not None:
+        motion_read = replace(bag.motion, orientation=bag.motion.orientation @ recording.quaternion)
+        bag = replace(bag, motion=motion_read)
     bag, reordered = in_order(bag, recording.time)
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)

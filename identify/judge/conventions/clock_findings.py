@@ -38,7 +38,9 @@ Choice: 0.05 s apart, a motion of 1 Hz leaves three times as much.
 """
 
 
-def clock_findings(wrench: WrenchSignal, imu: ImuSignal, early: float, topic: str) -> list[Contradiction]:
+def clock_findings(
+    wrench: WrenchSignal, imu: ImuSignal, early: float, topic: str, delay: float = 0.0
+) -> list[Contradiction]:
     """Return the finding that stamps are of two clocks, where they are.
 
     Args:
@@ -46,6 +48,7 @@ def clock_findings(wrench: WrenchSignal, imu: ImuSignal, early: float, topic: st
         imu: the same.
         early: time by which the IMU's stamps are early by the log's times [s].
         topic: of the IMU.
+        delay: of the IMU, as declared, which ``imu`` and ``early`` are without [s].
     """
     if abs(early) < LEAST_OFFSET:
         return []
@@ -54,7 +57,8 @@ def clock_findings(wrench: WrenchSignal, imu: ImuSignal, early: float, topic: st
         return []
     doubt = "" if by_log * BETTER < by_stamps else "; force and motion do not tell whether so it is"
     figures = {"offset": fixed(abs(early), 3), "early": "early" if early > 0 else "late", "doubt": doubt}
-    lines = f', or, of method joint, delay = "{-early:.3f} s"' if abs(early) < LONGEST_DELAY else ""
+    cure = delay - early
+    lines = f', or, of method joint, delay = "{cure:.3f} s"' if abs(cure) < LONGEST_DELAY else ""
     return [Finding.CLOCKS_APART.on(topic, lines=lines, **figures)]
 
 

@@ -15,7 +15,8 @@ class DeclaredRig:
 
     ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
     which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
-    ``units``: newtons and newton metres in the declared units of force and moment.
+    ``units``: newtons and newton metres in the declared units of force and moment. ``rate_unit``: rad/s in that of the
+    angular velocity. ``quaternion``: matrix from a quaternion to its recorded fields.
     ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
     """
 
@@ -31,6 +32,8 @@ class DeclaredRig:
     turn: Vector | None = None
     measured: bool = True
     units: tuple[float, float] = (1.0, 1.0)
+    rate_unit: float = 1.0
+    quaternion: Float[np.ndarray, "4 4"] | None = None
 
     @property
     def lever(self) -> Vector:

@@ -3,12 +3,13 @@
 Each reading of the recording is one fit. What fits as well as the best is told beside it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
+from identify.judge.conventions.attitude_findings import ORDERS, order_cure, read_as
 from identify.judge.conventions.convention_sums import (
     SMOOTHING,
     STEP,
@@ -72,6 +73,8 @@ class AttitudeSignal:
     gravity: Vector | None
     """Gravity along these axes, as declared [m/s²]; None: by the accelerometer."""
     source: Source
+    accelerates: bool = True
+    """Whether the specific force is known, not only gravity."""
     turned_back: bool = False
     """Whether the wrench was declared along axes at rest, and turned back already."""
     zero_at_rest: bool = False
@@ -117,7 +120,7 @@ def run_gravity(
         up = np.array([0.0, 0.0, -float(np.median(np.linalg.norm(specific, axis=1)))])
         attitude = AttitudeSignal(carried_attitude(step, omega, specific), up, "gyro")
     levers = np.einsum("kn,kij->nij", features(omega.T, np.gradient(omega, time, axis=0).T), FIRST_MOMENT_OF_FEATURES)
-    if attitude.source == "poses" and attitude.gravity is not None:  # they do not tell how Q accelerates
+    if not attitude.accelerates and attitude.gravity is not None:
         specific = -np.einsum("nji,j->ni", attitude.to_rest[within], attitude.gravity)
     force = np.stack([np.interp(time, wrench.time, column) for column in wrench.force.T], axis=1)
     posed = PosedForce(
@@ -147,6 +150,7 @@ class _Judgement:
             return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], final=True)
         other, yaw = self._other_frame()
         fits = {"plain": plain, "gravity": free, "sensor": posed.fit(lift=False, turned=True), "frame": other.fit()}
+        fits |= {order: self._read_as(order).fit(lift=False) for order in self._orders}
         best = min(fits.values(), key=lambda fit: fit.misfit)
         if not posed.explained(best):
             return self._changed_mass()
@@ -155,11 +159,28 @@ class _Judgement:
         if scores["plain"] < least + DECISIVE:
             return GravityVerdict()
         likely = sorted((name for name in scores if scores[name] < least + EQUAL), key=scores.__getitem__)
-        rivals = [READINGS[name] for name in likely[1:]]
+        rivals = [READINGS.get(name, f"a quaternion of ({name})") for name in likely[1:]]
         doubt = f"; {' or '.join(rivals)} fits as well" if rivals else ""
         if likely[0] == "frame":
             return self._frame(yaw, doubt)
+        if likely[0] in self._orders:
+            how, lines = f"with the quaternion's fields read as ({likely[0]})", order_cure(likely[0], self.declared)
+            read = Finding.ATTITUDE_READ_OTHERWISE.on(self.topic, how=how, doubt=doubt, lines=lines)
+            return GravityVerdict([read], final=True)
         return self._gravity(free, doubt) if likely[0] == "gravity" else GravityVerdict()
+
+    # Reading of the quaternion, from which poses have their angular velocity, too
+
+    @property
+    def _orders(self) -> tuple[str, ...]:
+        return ORDERS[1:] if self.attitude.source == "poses" and not self.attitude.turned_back else ()
+
+    def _read_as(self, order: str) -> PosedForce:
+        to_rest, as_read = read_as(self.attitude.to_rest[: len(self.time)], order, self.declared), self.posed.to_rest
+        assert self.posed.specific is not None  # noqa: S101 - of a run it is known, or that of gravity
+        at_rest = np.einsum("nij,nj->ni", as_read, self.posed.specific)
+        specific = np.einsum("nji,nj->ni", to_rest, at_rest)
+        return replace(self.posed, to_rest=to_rest, specific=specific, levers=None)
 
     # Axes of the wrench
 
@@ -212,7 +233,7 @@ class _Judgement:
         size = float(np.linalg.norm(gravity))
         down = gravity / size
         weight = fit.lift - fit.mass * gravity  # upwards
-        determined = self.attitude.source != "poses" and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
+        determined = self.attitude.accelerates and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
         mass = fit.mass if determined else self.declared.mass
         length = float(np.linalg.norm(weight))
         across = np.linalg.norm(np.cross(weight, down))

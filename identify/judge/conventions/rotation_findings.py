@@ -1,6 +1,7 @@
 """A rotation between load cell and IMU that is no order of the axes: when it is named, and in what words."""
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS, MOMENT_TERMS_WITH_WEIGHT, NOT_RIGID
@@ -108,9 +109,9 @@ def compound(matrix: Matrix, before: Matrix | None) -> Matrix:
     return matrix if before is None else matrix @ before
 
 
-def axes_text(matrix: Matrix) -> str:
+def axes_text(matrix: Float[np.ndarray, "n n"]) -> str:
     """Return a signed permutation as ``"-y, z, x"``, any other matrix as rows of numbers with five decimals."""
     if np.allclose(np.abs(matrix).max(axis=1), 1, atol=1e-9):
         columns = np.abs(matrix).argmax(axis=1)
-        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyz"[j] for i, j in enumerate(columns)) + '"'
+        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyzw"[j] for i, j in enumerate(columns)) + '"'
     return "[" + ", ".join("[" + ", ".join(f"{x:.5f}" for x in row) + "]" for row in matrix) + "]"
