@@ -127,18 +127,21 @@ def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
         return () if values is None else (values,)
     if isinstance(channel, WrenchChannel):
         return channel.force, channel.moment
-    return channel.angular_velocity, channel.linear_acceleration
+    rates = channel.angular_velocity, channel.linear_acceleration
+    return rates if channel.orientation is None else (channel.orientation, *rates)
 
 
 def _check_lengths(channel: WrittenChannel) -> None:
-    n, wide = len(channel.log_time), None if isinstance(channel, MotionChannel) else 3
+    vectors = not isinstance(channel, MotionChannel) and getattr(channel, "orientation", None) is None
+    n, wide = len(channel.log_time), 3 if vectors else None
     if channel.stamp.shape != (n,) or any(x.shape != (n, wide or x.shape[-1]) for x in _columns(channel)):
         raise RigError(f"arrays of topic {channel.topic} differ in length: give n times, n stamps and (n, 3) values")
 
 
 def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    encode = cdr_encode.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()))
+    oriented = isinstance(channel, ImuChannel) and channel.orientation is not None
+    encode = cdr_encode.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

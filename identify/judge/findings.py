@@ -172,7 +172,7 @@ class Finding(Enum):
     )  # fmt: skip
     RATE_UNIT = (
         "unit", "the attitude turns {ratio} times as fast as the angular velocity says",
-        'set angular_velocity_unit = "{unit}" in [recording]'
+        'degrees taken for radians, or radians for degrees? set angular_velocity_unit = "{unit}" in [recording]'
     )  # fmt: skip
     UNITS = (
         "unit",

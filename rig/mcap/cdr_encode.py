@@ -15,16 +15,17 @@ NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {
     IMU: ("24x2d64x3d72x3d72x", (1.0, -1.0)),
     POSE: ("24x4d", ()),
 }
+ORIENTED_IMU = "4d72x3d72x3d72x", ()
 """Numbers behind the header: their places, where ``x`` is a byte of zero, and those before a sample's.
 
-PoseStamped is at the origin. Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``) and of unknown
-covariances (zeros).
+PoseStamped is at the origin. Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``), unless it is asked
+for, and of unknown covariances (zeros).
 """
 Encode = Callable[[int, Sequence[float]], bytes]
 """Function from a stamp [ns] and the numbers of a sample to a message."""
 
 
-def encoder(type_name: str, frame_id: str, names: Sequence[str] = ()) -> Encode:
+def encoder(type_name: str, frame_id: str, names: Sequence[str] = (), *, oriented: bool = False) -> Encode:
     """Return what packs the messages of a type in one frame.
 
     Args:
@@ -32,11 +33,12 @@ def encoder(type_name: str, frame_id: str, names: Sequence[str] = ()) -> Encode:
             positions and, if there are more, velocities.
         frame_id: the frame that the messages name.
         names: of the joints or values.
+        oriented: whether an Imu's numbers begin with a quaternion x y z w.
     """
     if type_name not in NUMBERS:
         return lambda stamp, numbers: _joint_state(stamp, frame_id, names, numbers)
     frame = frame_id.encode() + b"\0"
-    places, first = NUMBERS[type_name]
+    places, first = ORIENTED_IMU if oriented else NUMBERS[type_name]
     pack = struct.Struct(f"<4siII{len(frame)}s{-(12 + len(frame)) % 8}x{places}").pack
     return lambda stamp, numbers: pack(ENCAPSULATION, *divmod(stamp, 10**9), len(frame), frame, *first, *numbers)
 

@@ -18,7 +18,7 @@ from uq.files.provenance import sha256
 from uq.files.units import scale
 from uq.recorded.declared_channels import declared
 from uq.tables.table_map import MOTIONS, WRENCH, Map
-from uq.tables.table_samples import DeclaredTable, TableSamples, as_recording, silenced
+from uq.tables.table_samples import DeclaredTable, as_recording, silenced
 
 
 def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) -> str:
@@ -45,14 +45,16 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     cell = next(table for table in tables if table.declared.force is not None)
     sensor = next(table for table in tables if table.declared.motion)
     conventions = _conventions(mapping, cell, sensor)
-    signals = [key for key in (sensor.declared.motion, "acceleration") if key in sensor.table.places]
+    keys = dict.fromkeys((sensor.declared.motion, "acceleration", "quaternion"))
+    signals = [key for key in keys if key in sensor.table.places]
     loads, motion = cell.samples(WRENCH), sensor.samples(signals)
     _check_overlap(cell, loads.stamp, sensor, motion.stamp)
     zero = min(0, int(loads.stamp.min()), int(motion.stamp.min()))
     nothing = np.zeros((len(motion.stamp), 3))
     turns = sensor.declared.motion == MOTIONS[0]
     force, moment = loads.values
-    omega, acceleration = [*motion.values, nothing][:2] if turns else (nothing, nothing)
+    values = dict(zip(signals, motion.values, strict=True))
+    omega, acceleration = (values.get(key, nothing) for key in (MOTIONS[0], "acceleration"))
     raw = as_recording(cell.path, force, moment, omega, acceleration)
     rig = declared(raw, silenced(conventions, set(UNITS) - {*WRENCH, *signals}))
     force, moment = rig.wrench(raw.wrench)
@@ -60,7 +62,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
         topic="/wrench", frame_id="body", log_time=loads.stamp - zero, stamp=loads.stamp - zero, force=force,
         moment=moment,
     ).in_order()  # fmt: skip
-    channel = _motion(sensor, motion, zero, rig.motion(raw.imu)).in_order()
+    channel = _motion(sensor, motion.stamp - zero, values, rig.motion(raw.imu)).in_order()
     cell.check_order(wrench.stamp)
     sensor.check_order(channel.stamp)
     notes = (*rig.assumptions, *dict.fromkeys((*loads.notes, *motion.notes)))
@@ -107,22 +109,23 @@ def _conventions(mapping: Map, cell: DeclaredTable, sensor: DeclaredTable) -> Re
 
 
 def _motion(
-    sensor: DeclaredTable, samples: TableSamples, zero: int, rates: tuple[np.ndarray, np.ndarray]
+    sensor: DeclaredTable, stamp: np.ndarray, values: dict[str, np.ndarray], rates: tuple[np.ndarray, np.ndarray]
 ) -> ImuChannel | MotionChannel:
     """The channel of the motion; ``rates``: angular velocity and specific force, where the table holds them."""
-    stamp, kind = samples.stamp - zero, sensor.declared.motion
-    if kind == "quaternion":
-        xyzw = samples.values[0][:, [1, 2, 3, 0]]
-        return MotionChannel(topic="/pose", frame_id="world", log_time=stamp, stamp=stamp, type=POSE, orientation=xyzw)
-    if kind == "joints":
-        position = samples.values[0] * scale(sensor.declared.joint_unit, "rad")
+    if "joints" in values:
+        position = values["joints"] * scale(sensor.declared.joint_unit, "rad")
         return MotionChannel(
             topic="/joint_states", frame_id="", log_time=stamp, stamp=stamp, type=JOINTS,
             names=tuple(sensor.declared.joints or ()), position=position,
         )  # fmt: skip
+    orientation = values["quaternion"][:, [1, 2, 3, 0]] if "quaternion" in values else None
+    if MOTIONS[0] not in values:
+        return MotionChannel(
+            topic="/pose", frame_id="world", log_time=stamp, stamp=stamp, type=POSE, orientation=orientation
+        )
     return ImuChannel(
         topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=rates[0],
-        linear_acceleration=rates[1],
+        linear_acceleration=rates[1], orientation=orientation,
     )  # fmt: skip
 
 

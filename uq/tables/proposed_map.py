@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,16 @@ TIME = re.compile(r"(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|
 COUNTER = re.compile(r"(.*_)?(packet_?counter|counter|sequence|seq)")
 RATE = re.compile(r"(?:rate|frequency)\D{1,20}?(\d+\.?\d*)", re.I)
 """Words of programs on the sample rate, above a table."""
+WORDS = re.compile(
+    r"(?P<time>\btime)|(?P<position>\bposition)|(?P<acceleration>\baccel)|(?P<quaternion>\bquaternion|\borientation)|"
+    r"(?P<angular_velocity>\bgyro|\bangular (?:velocity|rate))|(?P<force>\bforce)|(?P<moment>\btorque|\bmoment)", re.I
+)  # fmt: skip
+"""Words on signals above a table whose columns have no names."""
+WIDTHS = {"time": 1, "quaternion": 4}
+"""Numbers of columns of signals that have not three."""
+WITHOUT_GRAVITY = re.compile(r"gravity.{0,9}(removed|free|compensated)|(without|no) gravity", re.I)
+SAME = 0.9
+"""Correlation of a column's steps with the integral of another from which this is its rate."""
 EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 """Least count since 1970 in each unit."""
 SLOWEST, FASTEST = 5.0, 20_000.0
@@ -114,11 +125,11 @@ class _Guess:
         """Another group of columns that could be the signal."""
         self.joints: dict[str, str] = {}
         self.why = "by its name"
+        self.table = CsvTable(self.layout, self.signals, read_rows(self.layout))
         if self.layout.named:
             self._by_name()
-        elif len(self.written) >= 10:
+        elif not (self._by_words() or self._by_rates()) and len(self.written) >= 10:
             self._by_order()
-        self.table = CsvTable(self.layout, self.signals, read_rows(self.layout))
 
     @property
     def layout_text(self) -> str:
@@ -142,11 +153,12 @@ class _Guess:
         for signal, places in self.signals.items():
             columns = [self.written[place] for place in places]
             if signal == "joints":
-                yield _line(signal, self.joints, "by their names; left of each = the joint's name in the URDF")
+                yield _line(signal, self.joints, f"{self.why}; left of each = the joint's name in the URDF")
                 yield _line("joint_unit", "rad", "a guess")
             elif signal == "quaternion":
                 named = dict(zip("wxyz", columns, strict=True))
-                yield _line(signal, named, f"{self.why}; from the body's frame to one at rest, z up")
+                order = "" if self.layout.named else ", a guess: w last, which inertia inspect judges"
+                yield _line(signal, named, f"{self.why}{order}; from the body's frame to one at rest, z up")
             else:
                 more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
                 yield _line(signal, columns, f"{self.why}{more}")
@@ -180,21 +192,51 @@ class _Guess:
                     self.others.setdefault(signal, before)
                 else:
                     self.signals[signal] = [axes[axis] for axis in "xyz"]
-        if "angular_velocity" not in self.signals:
-            self._attitude()
+        self._attitude()
 
     def _attitude(self) -> None:
-        """A quaternion or joints, by which the motion is told where no gyro is."""
+        """A quaternion; where there is neither this nor a gyro, joints."""
         components = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
-        self.signals.pop("acceleration", None)
+        if "angular_velocity" not in self.signals:
+            self.signals.pop("acceleration", None)
         if set(components) == set("wxyz"):
             self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
+        if not self.signals.keys().isdisjoint(MOTIONS):
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
             match = JOINT.fullmatch(name) or JOINT.fullmatch(plain)
             if match and not UNLIKELY.search(name):
                 self.joints[match["joint"] or name] = self.written[place]
                 self.signals.setdefault("joints", []).append(place)
+
+    def _by_words(self) -> bool:
+        """Signals in the order in which the lines above name them, where their columns then are all that there are."""
+        places = iter(range(len(self.written) + 1))
+        words = dict.fromkeys(str(match.lastgroup) for match in WORDS.finditer(self.layout.preamble))
+        signals = {word: list(islice(places, WIDTHS.get(word, 3))) for word in words}
+        if list(places) != [len(self.written)]:
+            return False
+        self.why = "by the order of the words above the table"
+        if "quaternion" in signals:
+            signals["quaternion"].insert(0, signals["quaternion"].pop())
+        if WITHOUT_GRAVITY.search(self.layout.preamble):
+            signals.pop("acceleration", None)  # no specific force
+        self.signals |= {signal: signals[signal] for signal in signals if signal in (*UNITS, "quaternion")}
+        return True
+
+    def _by_rates(self) -> bool:
+        """Joints: columns whose rates are as many columns behind them."""
+        import pandas as pd
+
+        t, *columns = self.table.frame.apply(pd.to_numeric, errors="coerce").to_numpy(float).T
+        for count in range(len(columns) // 2, 2, -1):
+            pairs = [(columns[k], columns[k + count]) for k in range(count)]
+            if all(_is_rate(t, position, rate) for position, rate in pairs):
+                self.signals["joints"] = list(range(1, count + 1))
+                self.joints = {f"joint_{k}": self.written[k] for k in range(1, count + 1)}
+                self.why = f"a guess: their rates stand {count} columns behind them"
+                return True
+        return False
 
     def _by_order(self) -> None:
         """The usual order, where the file names no columns."""
@@ -273,6 +315,16 @@ class _Guess:
             why = "the times are coarser than the samples; the roundest rate that they allow"
             lines.append(_line("rate", f"{round_rate:g} Hz", why))
         return lines
+
+
+def _is_rate(t: np.ndarray, position: np.ndarray, rate: np.ndarray) -> bool:
+    """Whether a column is the rate of another, both of which change."""
+    steps = np.diff(t)
+    if not (steps > 0).all() or not (np.isfinite(position).all() and np.isfinite(rate).all()):
+        return False
+    travelled, integrated = np.diff(position), 0.5 * (rate[1:] + rate[:-1]) * steps
+    size = float(np.sqrt((travelled**2).sum() * (integrated**2).sum()))
+    return size > 0 and float(travelled @ integrated) > SAME * size
 
 
 def _time_unit(last: float, step: float, rate: float | None) -> tuple[str | None, str]:

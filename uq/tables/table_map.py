@@ -34,8 +34,8 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
     angular_velocity: Axes[str] | None = None
     """The columns of the angular velocity's components."""
     quaternion: QuaternionColumns | None = None
-    """The columns of a unit quaternion from the body's frame to one at rest whose z is up; without an angular
-    velocity."""
+    """The columns of a unit quaternion from the body's frame to one at rest whose z is up; alone, or beside an angular
+    velocity of the same sensor."""
     joints: Mapping[str, str] | None = None
     """The column of each joint's position, by the joint's name in the URDF; without an angular velocity."""
     joint_unit: Annotated[str, unit_name("rad")] = "rad"
@@ -53,7 +53,8 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
         for signal, other in (WRENCH, WRENCH[::-1]):
             if getattr(self, signal) is not None and getattr(self, other) is None:
                 raise WrongKeyError(other, "add it")
-        if len(motions := [key for key in MOTIONS if getattr(self, key) is not None]) > 1:
+        motions = [key for key in MOTIONS if getattr(self, key) is not None]
+        if len(motions) > 1 and motions != ["angular_velocity", "quaternion"]:
             raise WrongKeyError("", f"tells the motion by {' and '.join(motions)}: name one of them")
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")

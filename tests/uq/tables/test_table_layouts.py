@@ -166,6 +166,36 @@ def test_a_quaternion_or_joints_tell_the_motion(tmp_path, values, columns, key):
     assert got.names == ("a", "b")[: 2 * (key == "position")]
 
 
+def test_columns_without_names_follow_the_words_above_them(tmp_path, values):
+    """Gravity is removed from the acceleration, which is then no specific force."""
+    unit = np.random.default_rng(1).normal(size=(N, 4))
+    unit = np.round(unit / np.linalg.norm(unit, axis=1, keepdims=True), 6)
+    rows = np.hstack([values[:, 9:], unit, values[:, 6:9], values[:, :6]]).tolist()
+    above = "accelerometer, gravity removed   orientation as quaternion   gyroscope   force/torque sensor\n"
+    (tmp_path / "t.txt").write_bytes(table(rows, None, delimiter=" ", above=above))
+    assert main(["import", str(tmp_path / "t.txt"), "-o", str(tmp_path / "run.mcap")]) == 1
+    mapping = tmp_path / "run.map.toml"
+    mapping.write_text(mapping.read_text().replace("? Hz", f"{RATE} Hz"))
+    command = ["import", str(tmp_path / "t.txt"), "--map", str(mapping), "-o", str(tmp_path / "run.mcap")]
+    assert main(command) == 0
+    t, wrench, _, motion = run_of(tmp_path / "run.mcap")
+    np.testing.assert_allclose(t, TIME, atol=1e-9)
+    np.testing.assert_allclose(wrench, values[:, :6])
+    np.testing.assert_allclose(motion, np.hstack([values[:, 6:9], np.zeros((N, 3))]))
+    np.testing.assert_allclose(runs.read(tmp_path / "run.mcap").imu.orientation, unit)
+
+
+def test_joints_without_names_are_told_by_their_rates(tmp_path, values):
+    phase = np.multiply.outer(TIME, [3.0, 5.0, 7.0, 11.0])
+    joints = np.column_stack([TIME, np.sin(phase), np.cos(phase) * [3.0, 5.0, 7.0, 11.0], values[:, :9]])
+    (tmp_path / "q.csv").write_bytes(table(np.round(joints, 6).tolist(), None))
+    rows = [[f"{t:.6f}", *row[:6]] for t, row in zip(TIME, values, strict=True)]
+    (tmp_path / "ft.csv").write_bytes(table(rows, NAMES[:7]))
+    motion = runs.read_any(proposed(tmp_path, tmp_path / "ft.csv", tmp_path / "q.csv")).motion
+    np.testing.assert_allclose(motion.position, np.round(np.sin(phase), 6))
+    assert motion.names == ("joint_1", "joint_2", "joint_3", "joint_4")
+
+
 @pytest.mark.parametrize(
     ("head", "unit", "words"),
     [
