@@ -152,6 +152,15 @@ def _gyro_axes(run: PredictedWrench) -> Made:
     return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer"), np.full(3, 0.005)
 
 
+def _gyro_late(run: PredictedWrench) -> Made:
+    """Axes of the gyro that come late, each by its own time."""
+    slopes = run.signals.alpha, derivative(run, run.signals.alpha, 1)
+    omega, alpha = (signal[:, :, None] * np.eye(3) for signal in slopes)
+    nodes = run.signals.nodes
+    turning = np.gradient(run.signals.rate_at(nodes), nodes, axis=0)[:, :, None] * np.eye(3)
+    return run.changed(omega, alpha, np.zeros_like(omega), turning=turning), np.full(3, 0.003)
+
+
 def _gyro_g(run: PredictedWrench) -> Made:
     """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
     force = run.specific_force
@@ -209,6 +218,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.GYRO_SCALE: _unknown(("gyro_scale", 0.005)),
     Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
     Finding.GYRO_AXES: _gyro_axes,
+    Finding.GYRO_LATE: _gyro_late,
     Finding.GYRO_G: _gyro_g,
     Finding.GAIN: _matrix(lambda i, j: i == j, 0.005),
     Finding.CROSS_TALK: _matrix(lambda i, j: i != j, 0.01),

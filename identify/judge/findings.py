@@ -109,6 +109,10 @@ class Finding(Enum):
         "gyro axes", "the gyro were turned against the accelerometer by {}", "calibrate it, or declare a misalignment",
         _all(180 / np.pi, "deg")
     )  # fmt: skip
+    GYRO_LATE = (
+        "delay", "the gyro's axes came late by {}", "give its axes the same filter, or declare the delay",
+        _all(1e3, "ms")
+    )  # fmt: skip
     GYRO_G = (
         "gyro g-sensitivity", "acceleration feigned angular velocity, {}", "use the gyro's calibration",
         _largest(1e3, "mrad/s per m/s²")
@@ -159,7 +163,7 @@ class Finding(Enum):
     UNEXPLAINED = (
         "unexplained",
         "the {quantity} on {axis} leaves {ratio:.1f} times what noise explains where the motion is: none of the "
-        "causes looked for", "the interval is that much wider"
+        "causes looked for", "liquid or something loose inside? the interval is that much wider"
     )  # fmt: skip
     REPEATABILITY = "repeatability", "the runs scatter otherwise than their residuals predict", ""
     ACCELERATION_IN_G = (

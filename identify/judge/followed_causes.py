@@ -70,6 +70,8 @@ class Judgement(NamedTuple):
 
     causes: list[FollowedCause]
     """Causes that the residuals follow, the most probable first."""
+    explained: float
+    """Part of the residuals' squares that these explain together."""
     unexplained: float
     """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
     row: int
@@ -114,4 +116,5 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
     prediction = run.prediction
     above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
-    return Judgement(named, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))
+    explained = 1 - float((base.residuals**2).sum() / max((run.base.residuals**2).sum(), 1e-300))
+    return Judgement(named, explained, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))

@@ -138,6 +138,8 @@ class Setup:
     # sampling
     imu_delay: float = 0.0
     """An IMU's sample is that of so long before its stamp [s]."""
+    gyro_axis_delay: tuple = ZERO
+    """The same of each axis of the gyro alone, beside it."""
     imu_clock: float = 0.0
     """By how much the IMU's second is longer, in parts."""
     jitter: float = 0.0
@@ -202,7 +204,9 @@ def measure(seed=0, setup=None, **options) -> Measured:
     t = np.arange(round(setup.seconds * setup.rate) + 1) / setup.rate
     wrench, imu = behind_filter(wrench, setup.cell_filter), behind_filter(imu, setup.imu_filter)
     wrench = cell_reading(setup, wrench[:: FINE // setup.rate], t)
-    imu = at(base.t, imu, t * (1 + setup.imu_clock) - setup.imu_delay)
+    taken = t * (1 + setup.imu_clock) - setup.imu_delay
+    axes = [at(base.t, imu[:, [axis]], taken - late) for axis, late in enumerate(setup.gyro_axis_delay)]
+    imu = np.hstack([*axes, at(base.t, imu[:, 3:], taken)])
     imu[:, :3] += np.outer(t / t[-1], setup.gyro_drift) + draw["gyro"]
     imu[:, 3:] += np.add(setup.accelerometer_offset, draw["accelerometer"])
     white = rng.standard_normal((len(t), 12)) * setup.noise * np.repeat(list(NOISE.values()), 3)
