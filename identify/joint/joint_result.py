@@ -30,8 +30,11 @@ from identify.sums.residual_trace import Trace, thinned, trace
 FORCE_ASSUMPTION = {
     "still": "the centre of gravity stays where it is: the specific force is gravity's, through the gyro's attitude",
     "accelerometer": "the specific force at the centre of gravity is the accelerometer's, carried there",
-    "none": "neither is the centre of gravity declared still nor is there an accelerometer: the force is as measured",
+    "none": "neither is the centre of gravity declared still nor is there an accelerometer: the force is as measured, "
+    "and tells no mass, which a scale or static poses do",
 }
+WEIGHED = 0.9
+"""Standard uncertainty over the mass from which no mass is stated where nothing tells it: that of its prior is one."""
 LEAST_SCATTER = 2.0
 """Scatter between runs, over that of their noise, that is worth a warning."""
 
@@ -58,6 +61,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     declarations = departures(value, joint_runs[0].prior.mean, pooled.beforehand)
     warnings += [declaration.text for declaration in declarations]
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
+    # nothing weighs the body where the force is as measured: what is left of its mass is then the prior
+    weighed = setting.specific_force != "none" or covariance[mass, mass] < (WEIGHED * value[mass]) ** 2
     cell_may_turn = _cell_may_turn(setting)
     warnings += alignment_warnings(delay, None if cell_may_turn else rotation)
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
@@ -66,14 +71,15 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     return Identification(
         inertia=inertia, bias=bias, covariance=covariance[tensor, tensor],
         interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=value[cg],
-        sigma_r_cg=np.sqrt(np.diag(covariance)[cg]), mass=float(value[mass]),
+        sigma_r_cg=np.sqrt(np.diag(covariance)[cg]), mass=float(value[mass]) if weighed else None,
         estimator=EstimatorSpec(f"joint, band {setting.band:.3g} Hz", "savitzky-golay", setting.band),
         runs=tuple(map(_run_estimate, joint_runs, pooled.theta)), warnings=tuple(warnings),
         assumptions=_assumptions(setting.specific_force, len(joint_runs)),
-        diagnostics=_diagnostics(joint_runs, pooled, factor), mass_uncertainty=float(np.sqrt(covariance[mass, mass])),
+        diagnostics=_diagnostics(joint_runs, pooled, factor),
+        mass_uncertainty=float(np.sqrt(covariance[mass, mass])) if weighed else None,
         cg_inertia_covariance=covariance[cg, tensor], cg_covariance=covariance[cg, cg], method="joint", delay=delay,
         rotation=rotation, offsets=offsets,
-        mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]),
+        mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]) if weighed else None,
         budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED, lasting=_lasting(pooled, setting),
         declarations=declarations,
     )  # fmt: skip

@@ -11,25 +11,24 @@ import numpy as np
 from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import Model, unknowns
 from identify.joint.motion_signals import MotionSignals
-from identify.joint.priors import Prior
 from identify.joint.single_run import start_bias, start_up
 from identify.rigid_body.rotation import exponential
 
 
-def with_force_of_motion(model: Model, prior: Prior, alignment: Alignment) -> Model:
+def with_force_of_motion(model: Model, theta: np.ndarray, alignment: Alignment) -> Model:
     """Return a run whose force is weight along the upward direction and mass times acceleration, by least squares.
 
     The moment changes along, so that the moment about r_CG stays as it is.
 
     Args:
         model: the run; unchanged where there is no force.
-        prior: of its unknowns.
+        theta: unknowns, whose r_CG is that of the moment.
         alignment: prior of delay and rotation.
     """
     rows = model.rows
     if not np.linalg.norm(rows.force, axis=0).min() > 0:
         return model
-    x, to_imu = unknowns(prior.mean), exponential(np.asarray(alignment.rotation, float)).T
+    x, to_imu = unknowns(theta), exponential(np.asarray(alignment.rotation, float)).T
     bias = start_bias(model, to_imu, alignment)
     everywhere = replace(model, up=start_up(model, to_imu, bias), used=np.ones_like(rows.used))
     signals = MotionSignals(everywhere, {**x, "gyro_bias": bias})

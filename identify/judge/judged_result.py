@@ -292,4 +292,6 @@ def declared_of(
 def start_of(result: Identification) -> dict[str, np.ndarray]:
     """Return an estimate, from which the search for a run's unknowns starts."""
     aligned = {"delay": result.delay, "rotation": result.rotation}
-    return {"inertia": result.inertia} | {name: part.value for name, part in aligned.items() if part is not None}
+    return {"inertia": result.inertia, "r_cg": result.r_cg} | {
+        name: part.value for name, part in aligned.items() if part is not None
+    }

@@ -105,10 +105,10 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         start: unknowns from which the search starts elsewhere than at the prior's mean.
     """
     model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), run.imu_position, setting)
-    if setting.specific_force == "none":
-        model = with_force_of_motion(model, prior, setting.alignment)
-    model = model.with_fast_transform()
     z = prior.coordinates(start)
+    if setting.specific_force == "none":
+        model = with_force_of_motion(model, prior.theta(z), setting.alignment)
+    model = model.with_fast_transform()
     first = PredictedWrench(model, prior.theta(z)).signals
     wrench = np.hstack([first.force, first.moment])[:, :, None]
     shown = PredictedWrench(model, prior.theta(z)).counted(wrench)[:, :, 0]

@@ -220,6 +220,14 @@ def degrees_twice(run):
     return replace(run, omega=np.radians(run.omega))
 
 
+def no_accelerometer(run):
+    return replace(run, specific_force=np.zeros_like(run.specific_force))
+
+
+def no_accelerometer_ceiling(run):
+    return no_accelerometer(ceiling(run))
+
+
 def gyro_turned(run):
     """A gyro with other axes than those of the quaternion, as of two sensors."""
     return replace(run, omega=run.omega[:, [2, 0, 1]])
@@ -237,7 +245,8 @@ CONVENTIONS = {
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
         accelerometer_down, reversed_wrench, clocks_apart, booted_clock, strain_gauge,
-        not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned,
+        not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
+        no_accelerometer_ceiling,
     )
 }  # fmt: skip
 CONVENTIONS |= {

@@ -78,7 +78,8 @@ def motion(
     turning, attitude = _turning(bag, declared, instants, band), recorded_attitude(source, instants)
     if attitude is None:
         return turning
-    posed = isinstance(source, MotionChannel)  # the quaternion of an IMU may refer to axes of its own
+    # An accelerometer tells gravity better than a quaternion, which may refer to axes of its own.
+    posed = isinstance(source, MotionChannel) or not source.linear_acceleration.any()
     return replace(turning, attitude=attitude, gravity=declared.gravity_of_poses if posed else None)
 
 

@@ -144,7 +144,7 @@ class _Judgement:
             return GravityVerdict(final=True)
         posed, plain, free = self.posed, self.plain, self.free
         if posed.changes <= 0 or (posed.explained(plain) and posed.excess(plain, free) <= DECISIVE):
-            return GravityVerdict()
+            return self._upside_down()
         if self.attitude.turned_back and posed.excess(posed.fit(zero=False), free) < EQUAL:  # p is the zero
             text = ", ".join(fixed(value, 1) for value in free.lift)
             return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], final=True)
@@ -252,6 +252,13 @@ class _Judgement:
             sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
             return self._removed(mass, float(-weight @ down) / size, sigma, doubt)
         return GravityVerdict()
+
+    def _upside_down(self) -> GravityVerdict:
+        """The weight as declared, but for its sign, which only acceleration tells from that of the wrench."""
+        down = self.attitude.gravity
+        if self.attitude.accelerates or down is None or self.plain.mass > -CERTAIN * self.plain.sigma_mass:
+            return GravityVerdict()
+        return GravityVerdict([Finding.POSES_UPSIDE_DOWN.on(self.topic, gravity=gravity_text(-down))])
 
     def _spread(self, fit: GravityFit, declared: Vector) -> float:
         """Standard uncertainty of the weight across its direction, the largest [N]."""

@@ -9,6 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
+from identify.rigid_body.inertia import pack
+from identify.signals.run import Run
+from tests.helpers import posed_runs
 from uq.campaign.simulation import simulate
 
 SIGMA = {"force": 0.1 * np.array([5.0, 5, 10]), "moment": 0.1 * np.array([0.38, 0.46, 0.46]), "omega": np.full(3, 4e-4)}
@@ -83,3 +86,15 @@ def test_figures_are_those_that_were_put_in(short, silent):
     np.testing.assert_allclose(degrees, np.degrees([0.02, 0.03, 0.02]), atol=0.2)
     drift = judged(short, noisy(CAUSES["drift"](silent.run, None), 6))[0]
     assert drift.axis == "b1"
+
+
+def test_a_centre_that_is_declared_far_off_is_no_cause():
+    """On an arm, whose acceleration nothing tells: the moment about the centre that was estimated is judged."""
+    clean = posed_runs.measured(3, seconds=8.0, rate=100.0)
+    run = Run.from_arrays(clean.t, clean.force, clean.moment, clean.omega)
+    result = identify([run], r_cg=np.array([0.0, 0.0, 0.05]), sigma_r_cg=np.full(3, 0.1), method="joint")
+    assert result.mass is None
+    assert result.consistency == ()
+    assert (np.abs(result.inertia - pack(posed_runs.TENSOR)) < 4 * result.standard_uncertainty).all()
+    np.testing.assert_allclose(result.r_cg, posed_runs.R_CG, atol=1e-3)
+    assert (result.standard_uncertainty < 1e-3).all()

@@ -295,11 +295,13 @@ def test_a_table_of_samples_is_refused_and_with_its_rate_cut_into_its_still_segm
 # Recorded runs
 
 
-def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, accelerometer=True, seconds=3.0):
+def recorded(
+    path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, accelerometer=True, seconds=3.0, oriented=False
+):
     """A run that holds poses for three seconds each and turns to the next in one; its accelerometer is 0.3 m/s² off."""
     rate, still, turn = 200.0, round(seconds * 200), 200
     aims = Rotation.random(poses, rng=generator)
-    up, omega = [], []
+    up, omega, turned = [], [], []
     for k in range(poses):
         step = (aims[k].inv() * aims[(k + 1) % poses]).as_rotvec()
         part = np.linspace(0, 1, turn, endpoint=False)
@@ -307,13 +309,15 @@ def recorded(path, generator, *, poses=8, offset=(0.3, -0.2, 0.5), noise=1.0, ac
         path_of = aims[k] * Rotation.from_rotvec(np.multiply.outer(smooth, step))
         up += [np.tile(aims[k].as_matrix()[2], (still, 1)), path_of.as_matrix()[:, 2]]
         omega += [np.zeros((still, 3)), np.multiply.outer(speed, step)]
+        turned += [np.tile(aims[k].as_quat(), (still, 1)), path_of.as_quat()]
     f, omega = GRAVITY * np.vstack(up), np.vstack(omega)
     force, moment = wrench_of(f)
     n = len(f)
     stamp = 10**9 + np.round(np.arange(n) / rate * 1e9).astype(np.int64)
     shake = lambda size: noise * size * generator.normal(size=(n, 3))  # noqa: E731
     seen = f + offset + shake(0.02) if accelerometer else 0 * f
-    imu = ImuChannel("/imu", "body", stamp, stamp, omega + shake(1e-3), seen)
+    orientation = np.vstack(turned) if oriented else None
+    imu = ImuChannel("/imu", "body", stamp, stamp, omega + shake(1e-3), seen, orientation=orientation)
     wrench = WrenchChannel("/wrench", "body", stamp, stamp, force + shake(0.2), moment + shake(0.005))
     runs.write(path, wrench=wrench, imu=imu, metadata={"rig.run": {"wrench": "on_body"}})
     return path
@@ -329,6 +333,13 @@ def test_each_still_segment_of_a_run_is_a_pose(tmp_path, generator):
     np.testing.assert_allclose(found.r_cg, R_CG, atol=2e-4)
     assert "8 still segments are its poses" in " ".join(found.assumptions)
     assert "the accelerometer's offset is (0.3" in " ".join(found.assumptions)
+
+
+def test_the_quaternion_of_an_imu_without_accelerometer_weighs_the_body(tmp_path, generator):
+    path = recorded(tmp_path / "run.mcap", generator, accelerometer=False, oriented=True)
+    found = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}}))
+    assert found.poses == 8
+    assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty + 1e-6).all()
 
 
 def test_only_the_named_parts_of_a_run_count(tmp_path, generator, capsys):
