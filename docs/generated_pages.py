@@ -17,6 +17,7 @@ from sphinx.ext.napoleon.docstring import GoogleDocstring
 
 from uq.cli import main
 from uq.cli.schema import file_schema
+from uq.terminal.command_parser import CommandParser
 
 FILES = {
     "experiment": "an experiment file",
@@ -32,7 +33,7 @@ def commands() -> str:
     lines = ["# Commands", "", "*Which commands and options are there?*", ""]
     for name, summary in main.COMMANDS.items():
         module = importlib.import_module(f"uq.cli.{name}{'_' * keyword.iskeyword(name)}")
-        parser = main.CommandParser(prog=f"inertia {name}", description=summary)
+        parser = CommandParser(prog=f"inertia {name}", description=summary)
         module.configure(parser)
         usage = " ".join(parser.format_usage().removeprefix("usage: ").split())
         end = "" if summary.endswith("?") else "."

@@ -19,7 +19,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
-from identify.sums.regressor_rows import rows_of
+from identify.sums.run_lines import rows_of
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run

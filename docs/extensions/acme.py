@@ -42,11 +42,8 @@ class Acme(Device):
     MEASURES = "wrench"
     BAUDRATE = 921600
     FRAME_BYTES = FRAME.size
+    PARSER = AcmeParser
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 1000.0}
-
-    def parser(self) -> AcmeParser:
-        """A fresh parser."""
-        return AcmeParser()
 
     def conversation(self) -> Conversation:
         """Ask who it is, then start the samples."""

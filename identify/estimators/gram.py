@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from identify.exceptions import explains_names
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.sums.regressor_rows import filtered
+from identify.sums.run_lines import filtered
 
 N_FEATURES = len(OMEGA_R_OF_FEATURES)
 

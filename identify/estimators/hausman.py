@@ -15,8 +15,7 @@ import numpy as np
 import scipy
 
 from identify.estimators.generalised_least_squares import Weighed
-from identify.estimators.pooling import Pooled
-from identify.estimators.type_a import PROBABILITY
+from identify.estimators.pooling import PROBABILITY, Pooled
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 
 CHANCE = 3e-3

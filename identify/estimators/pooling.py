@@ -1,14 +1,185 @@
-"""One tensor from several runs: their normal equations added, their scatter counted."""
+"""One tensor from several runs: their normal equations added; their predicted and measured scatter (type A).
+
+A run repeats its mounting's tensor, and a mounting the body's: ``y_ij = i + a_i + b_ij + e_ij`` with the residuals'
+noise ``e`` known from within each run, ``b`` from run to run and ``a`` from mounting to mounting. The pooled estimate
+is the runs' weighted least squares; its scatter is taken between the outermost things that were repeated (mountings,
+else runs) by their scores, ``V = K/(K-1) N⁻¹ Σ_i g_i g_iᵀ N⁻¹`` with ``K - 1`` degrees of freedom: for equal runs
+this is the variance of the mountings' means over K. Errors that all runs share leave no scatter; they are type B.
+"""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
+from jaxtyping import Float
 
 from identify.estimators.excitation import Excitation, excitation
 from identify.estimators.run_information import Information
-from identify.estimators.type_a import Pooling, Repeat, pooling
+from identify.rigid_body.inertial_parameters import by_component
 from identify.signals.run import RunError
+
+PROBABILITY = 0.975
+"""Probability below the upper end of a two-sided interval of 95 %."""
+
+
+@dataclass(frozen=True)
+class Pooling:
+    """Type A evaluation (GUM 4.2) of a pooled tensor: residuals and scatter. SI units."""
+
+    runs: int
+    mountings: int
+    """Number of different mountings that the runs name; 0: they name none."""
+    from_residuals: Float[np.ndarray, "6 6"]
+    """Covariance of the pooled tensor that the residuals alone predict [(kg·m²)²]."""
+    residual_degrees_of_freedom: Float[np.ndarray, "6"]
+    """Degrees of freedom of ``from_residuals``, by component."""
+    from_scatter: Float[np.ndarray, "6"] | None
+    """Standard uncertainty that the scatter between mountings, else runs, shows; None: there is one only [kg·m²]."""
+    predicted: Float[np.ndarray, "6"]
+    """Standard uncertainty of one run that its residuals predict, root mean square over the runs [kg·m²]."""
+    between_runs: Float[np.ndarray, "6"] | None
+    """Standard deviation of single runs' tensors (of one mounting); None: none is repeated [kg·m²]."""
+    between_mountings: Float[np.ndarray, "6"] | None
+    """Standard deviation of the mountings' mean tensors; None: fewer than two [kg·m²]."""
+    repeat_degrees_of_freedom: int
+    """Degrees of freedom of ``between_runs``."""
+    scatter_degrees_of_freedom: int
+    """Degrees of freedom of ``from_scatter``: one less than the mountings, or runs, that were repeated."""
+    from_redrawn_sources: Float[np.ndarray, "6"]
+    """Standard uncertainty of the pooled tensor from declared sources that change from mounting to mounting [kg·m²]."""
+
+    @property
+    def predicted_standard_uncertainty(self) -> np.ndarray:
+        """Standard uncertainty from residuals, and from sources that change from mounting to mounting [kg·m²]."""
+        return np.sqrt(np.diag(self.from_residuals) + self.from_redrawn_sources**2)
+
+    @property
+    def scatters(self) -> np.ndarray:
+        """Mask of components whose interval is that of the scatter, the wider of two that are both valid."""
+        if self.from_scatter is None:
+            return np.zeros(6, bool)
+        predicted = (
+            scipy.special.stdtrit(self.residual_degrees_of_freedom, PROBABILITY) * self.predicted_standard_uncertainty
+        )
+        return scipy.special.stdtrit(self.scatter_degrees_of_freedom, PROBABILITY) * self.from_scatter > predicted
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Scale of the t distribution of each component's type A error [kg·m²]."""
+        predicted = self.predicted_standard_uncertainty
+        return predicted if self.from_scatter is None else np.where(self.scatters, self.from_scatter, predicted)
+
+    @property
+    def degrees_of_freedom(self) -> np.ndarray:
+        """Degrees of freedom of each component's type A error."""
+        return np.where(self.scatters, float(self.scatter_degrees_of_freedom), self.residual_degrees_of_freedom)
+
+    @property
+    def half_width(self) -> np.ndarray:
+        """Half the interval of 95 % from type A alone [kg·m²]."""
+        return scipy.special.stdtrit(self.degrees_of_freedom, PROBABILITY) * self.scale
+
+    @property
+    def excess(self) -> np.ndarray:
+        """Scatter over the predicted standard uncertainty, by component; at least 1."""
+        if self.from_scatter is None:
+            return np.ones(6)
+        return np.maximum(self.from_scatter / np.maximum(self.predicted_standard_uncertainty, 1e-300), 1.0)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Type A covariance: of the residuals, widened on each component to what the scatter shows [(kg·m²)²]."""
+        predicted = self.from_residuals + np.diag(self.from_redrawn_sources**2)
+        return predicted * np.outer(self.excess, self.excess)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of result.json, in kg·m²."""
+        return {
+            "runs": self.runs,
+            "mountings": self.mountings,
+            "type_a": by_component(np.sqrt(np.diag(self.covariance))),
+            "degrees_of_freedom": by_component(self.degrees_of_freedom),
+            "coverage_factor": by_component(self.half_width / np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)),
+            "predicted_of_one_run": by_component(self.predicted),
+            "between_runs": None if self.between_runs is None else by_component(self.between_runs),
+            "between_runs_degrees_of_freedom": self.repeat_degrees_of_freedom,
+            "between_mountings": None if self.between_mountings is None else by_component(self.between_mountings),
+        }
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Data of one run for the pooling."""
+
+    score: Float[np.ndarray, "6"]
+    """``w Ωᵀ(y - Ω i)`` at the pooled tensor i, w the run's weight."""
+    inertia: Float[np.ndarray, "6"]
+    """Packed tensor of this run alone [kg·m²]."""
+    standard_uncertainty: Float[np.ndarray, "6"]
+    """Standard uncertainty of ``inertia`` from the run's residuals [kg·m²]."""
+    alone: bool
+    """Whether the run identifies the whole tensor by itself."""
+    mounting: str | None
+
+
+def pooling(
+    repeats: Sequence[Repeat],
+    inverse: Float[np.ndarray, "6 6"],
+    from_residuals: Float[np.ndarray, "6 6"],
+    residual_degrees_of_freedom: Float[np.ndarray, "6"],
+) -> Pooling:
+    """Return the type A evaluation of a pooled tensor.
+
+    The interval is the wider of two: Student's by the scatter with K - 1 degrees of freedom, which covers whatever
+    lies between the runs, and the one predicted from the residuals, which a scatter small by chance must not undercut.
+
+    Args:
+        repeats: the runs.
+        inverse: of the weighted sum of their ``ΩᵀΩ``, zero in what the motion does not determine.
+        from_residuals: covariance of the pooled tensor from the residuals.
+        residual_degrees_of_freedom: of it, by component.
+    """
+    names = [run.mounting for run in repeats]
+    labels = list(dict.fromkeys(name for name in names if name is not None))
+    clusters = [[run for run in repeats if run.mounting == label] for label in labels]
+    if len(clusters) < 2:
+        clusters = [[run] for run in repeats]
+    alone = [run for run in repeats if run.alone]
+    rms = np.sqrt(np.mean([run.standard_uncertainty**2 for run in alone or repeats], axis=0))
+    inside, freedom = _within(alone)
+    count = sum(any(run.alone for run in cluster) for cluster in clusters)
+    scatter = _scatter(clusters, inverse) if count > 1 else None
+    return Pooling(
+        runs=len(repeats), mountings=len(labels), from_residuals=from_residuals,
+        residual_degrees_of_freedom=residual_degrees_of_freedom, from_scatter=scatter, predicted=rms,
+        between_runs=inside, between_mountings=_between(alone, labels), repeat_degrees_of_freedom=freedom,
+        scatter_degrees_of_freedom=count - 1, from_redrawn_sources=np.zeros(6),
+    )  # fmt: skip
+
+
+def _scatter(clusters: Sequence[Sequence[Repeat]], inverse: np.ndarray) -> np.ndarray:
+    """Standard uncertainty of the pooled tensor from the scores of what was repeated, each cluster's summed."""
+    pushes = inverse @ np.transpose([np.sum([run.score for run in c], axis=0) for c in clusters])
+    return np.sqrt((pushes**2).sum(axis=1) * len(clusters) / (len(clusters) - 1))
+
+
+def _within(runs: Sequence[Repeat]) -> tuple[np.ndarray | None, int]:
+    """Standard deviation of single runs about their mounting's mean, and its degrees of freedom."""
+    groups = [[run.inertia for run in runs if run.mounting == name] for name in {run.mounting for run in runs}]
+    freedom = sum(len(group) - 1 for group in groups)
+    if freedom < 1:
+        return None, 0
+    squares = sum(((np.array(group) - np.mean(group, axis=0)) ** 2).sum(axis=0) for group in groups)
+    return np.sqrt(squares / freedom), freedom
+
+
+def _between(runs: Sequence[Repeat], labels: Sequence[str]) -> np.ndarray | None:
+    means = [np.mean([run.inertia for run in runs if run.mounting == name], axis=0)
+             for name in labels if any(run.mounting == name for run in runs)]  # fmt: skip
+    return np.std(means, axis=0, ddof=1) if len(means) > 1 else None
+
 
 NORMAL = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.joint.alignment_prior import Alignment
-from identify.joint.gauss_newton import information
+from identify.joint.gauss_newton import information, posterior
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
-from identify.joint.priors import STATIC, Prior, PriorBlock
+from identify.joint.priors import STATIC, PriorBlock
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
@@ -107,7 +107,11 @@ def bound(
     model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.imu_position, setting)
     z = beforehand.coordinates({"inertia": np.asarray(body.inertia)})
     white = _whitener(body, noise, rows.factor, specific_force)
-    return _bound_from_information(beforehand, information(model, beforehand, white, z))
+    covariance, by_prior = posterior(information(model, beforehand, white, z), beforehand)
+    total = np.diag(covariance)
+    shares = np.diag(by_prior) / np.where(total > 0, total, 1.0)
+    free = tuple(name for name in SIZES if (total[SLICES[name]] > 0).any())
+    return Bound(free, covariance, {name: shares[SLICES[name]] for name in free})
 
 
 def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: SpecificForce) -> np.ndarray:
@@ -117,13 +121,3 @@ def _whitener(body: Body, noise: np.ndarray, factor: int, specific_force: Specif
         return whitener(covariance)
     arm = cross_matrix(np.asarray(body.r_cg_from_q))
     return whitener(covariance[3:, 3:] + arm @ covariance[:3, :3] @ arm.T)
-
-
-def _bound_from_information(beforehand: Prior, samples: np.ndarray) -> Bound:
-    root, precision = beforehand.root, np.diag(beforehand.counted)
-    inverse = np.linalg.inv(samples + precision)
-    covariance, prior_covariance = root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T
-    total = np.diag(covariance)
-    free = tuple(name for name in SIZES if (total[SLICES[name]] > 0).any())
-    shares = {name: (np.diag(prior_covariance) / np.where(total > 0, total, 1.0))[SLICES[name]] for name in free}
-    return Bound(free, covariance, shares)

@@ -99,6 +99,8 @@ def information(
     return columns.T @ columns
 
 
-def posterior(fit: RunSolution, prior: Prior) -> Float[np.ndarray, "count count"]:
-    """Return the covariance of the unknowns, given samples and prior."""
-    return prior.root @ np.linalg.inv(fit.information + np.diag(prior.counted)) @ prior.root.T
+def posterior(information: Float[np.ndarray, "free free"], prior: Prior) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariance of the unknowns given samples and prior, and the prior's part of it, (count, count)."""
+    root, precision = prior.root, np.diag(prior.counted)
+    inverse = np.linalg.inv(information + precision)
+    return root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T

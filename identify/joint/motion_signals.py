@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.joint.joint_model import WANDER, Model
+from identify.motion.attitude import GAUSS, magnus_turn
 from identify.rigid_body.regressor import cross_matrices
 from identify.rigid_body.rotation import (
     closest_rotation,
@@ -17,9 +18,6 @@ from identify.rigid_body.rotation import (
     rate_of_turn,
     rotation_vectors,
 )
-
-GAUSS = np.sqrt(3) / 6
-"""Distance of the two Gauss points from a step's middle, as a part of the step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +153,7 @@ class MotionSignals:
     def _turns(self, start: Float[np.ndarray, " k"], step: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3 3"]:
         """Rotations over some steps: fourth-order Magnus steps on two Gauss points each."""
         first, second = (self.rate_at(start + (0.5 + sign * GAUSS) * step) for sign in (-1, 1))
-        step = step[:, None]
-        return exponentials(step / 2 * (first + second) + np.sqrt(3) / 12 * step**2 * np.cross(first, second))
+        return exponentials(magnus_turn(first, second, step))
 
     @cached_property
     def attitude_at_nodes(self) -> Float[np.ndarray, "nodes 3 3"]:

@@ -75,7 +75,7 @@ class JointRun:
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the unknowns, given samples and priors."""
-        return posterior(self.fit, self.prior)
+        return posterior(self.fit.information, self.prior)[0]
 
 
 def joint_run(run: Run, setting: Setting) -> JointRun:

@@ -13,7 +13,7 @@ from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.rounding import significant
 from identify.signals.run import Run
-from identify.sums.regressor_rows import rows_of
+from identify.sums.run_lines import rows_of
 
 CHANCE = 1e-5
 """Chance of a false line in pure noise, over all frequencies and axes.

@@ -1,13 +1,18 @@
 """The attitude, by integration of the angular velocity."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.rigid_body.regressor import library_of
 from identify.rigid_body.rotation import exponential
+
+GAUSS = np.sqrt(3) / 6
+"""Distance of the two Gauss points from a step's middle, as a part of the step."""
 
 
 def attitude(
@@ -25,18 +30,23 @@ def attitude(
         start: attitude at the first of them; None: level.
     """
     h = jnp.diff(t)
-    middle, offset = (t[1:] + t[:-1]) / 2, np.sqrt(3) / 6
-    first_omega, second_omega = (jax.vmap(omega)(middle + sign * offset * h) for sign in (-1, 1))
+    middle = (t[1:] + t[:-1]) / 2
+    first_omega, second_omega = (jax.vmap(omega)(middle + sign * GAUSS * h) for sign in (-1, 1))
     turn = magnus_turn(first_omega, second_omega, h)
     first = jnp.eye(3, dtype=t.dtype) if start is None else start
     return running_product(jnp.concatenate([first[None], jax.vmap(exponential)(turn)]))
 
 
-def magnus_turn(
-    first: Float[Array, "n 3"], second: Float[Array, "n 3"], step: Float[Array, " n"]
-) -> Float[Array, "n 3"]:
-    """Return the rotation vectors [rad] of steps [s], from the angular velocities at each step's two Gauss points."""
-    return step[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * step**2)[:, None] * jnp.cross(first, second)
+def magnus_turn(first: Any, second: Any, step: Any) -> Any:
+    """Return the rotation vectors (n, 3) [rad] of steps (n,) [s], in JAX or in NumPy.
+
+    Args:
+        first: angular velocity at each step's first Gauss point (n, 3) [rad/s].
+        second: at the second.
+        step: durations of the steps [s].
+    """
+    across = library_of(first, second).cross(first, second)
+    return step[:, None] / 2 * (first + second) + (np.sqrt(3) / 12 * step**2)[:, None] * across
 
 
 def running_product(matrices: Float[Array, "n 3 3"]) -> Float[Array, "n 3 3"]:

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Trajectory
-from identify.motion.window import Scalar, swell
+from identify.motion.trajectory import Scalar, Trajectory, swell
 from identify.rigid_body.rotation import rate_of_turn
 
 

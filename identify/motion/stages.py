@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from identify.motion.multisine import Multisine
 from identify.motion.periodic_motion import Moved, Periodic, moved
 from identify.motion.stewart_platform import StewartPlatform
-from identify.motion.window import swell
+from identify.motion.trajectory import swell
 from identify.pytree import Pytree
 
 STARTED = 0.3

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.estimators.admissible_tensor import Admissible, finite
-from identify.estimators.type_a import Pooling
+from identify.estimators.pooling import Pooling
 from identify.reporting import Result, interval_records
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.window import Scalar, swell
+from identify.motion.trajectory import Scalar, swell
 from identify.pytree import Pytree
 
 Joints = Float[Array, "t n"] | Float[np.ndarray, "t n"]

@@ -2,6 +2,7 @@
 
 import sys
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from typing import ClassVar, Literal, NamedTuple
 
 from rig.devices.conversation import Conversation, Identity
@@ -41,6 +42,9 @@ class Emulator(ABC):
         rate: samples per second.
     """
 
+    STREAMS: ClassVar[bool] = False  # whether it sends samples from its start on
+    BOOT: ClassVar[bytes] = b""  # what it sends when its port is opened
+
     def __init__(self, device: "Device", *, rate: float) -> None:
         self.device = device
         self.rate = rate
@@ -49,7 +53,30 @@ class Emulator(ABC):
 
     def boot(self) -> bytes:
         """Bytes that the device sends when its port is opened."""
-        return b""
+        self.streaming = self.streaming or self.STREAMS
+        return self.BOOT
+
+    def frames(
+        self, data: bytes, head: bytes, length: Callable[[bytes], int], intact: Callable[[bytes], bool]
+    ) -> Iterator[bytes]:
+        """Yield the intact frames among the bytes that have been heard; one that is cut waits for its rest.
+
+        Args:
+            data: what came.
+            head: first bytes of a frame.
+            length: of the frame whose first four bytes are given.
+            intact: whether a frame's checksum agrees.
+        """
+        self._heard += data
+        while (start := self._heard.find(head)) >= 0 and len(self._heard) - start >= 4:
+            end = start + length(bytes(self._heard[start : start + 4]))
+            if len(self._heard) < end:
+                return
+            frame = bytes(self._heard[start:end])
+            good = intact(frame)
+            del self._heard[: end if good else start + 1]
+            if good:
+                yield frame
 
     @abstractmethod
     def receive(self, data: bytes) -> bytes:
@@ -71,6 +98,7 @@ class Device(ABC):
     BAUDRATE: ClassVar[int]
     FRAME_BYTES: ClassVar[int]  # of one sample, for its time on the wire
     OPTIONS: ClassVar[dict[str, object]] = {}
+    PARSER: ClassVar[type[Parser]]  # of a device whose options change nothing of its frames
     ASKED: ClassVar[bool] = True  # whether ports are asked for it when devices are looked for
     SETTLING: ClassVar[float] = 0.0  # seconds that the device may take to boot after its port was opened
     NETWORK: ClassVar[Literal["", "udp", "tcp"]] = ""  # how a device on the network is spoken to
@@ -125,9 +153,9 @@ class Device(ABC):
         rate = self.options.get("rate", 0.0)
         return float(rate) if isinstance(rate, int | float) else 0.0
 
-    @abstractmethod
     def parser(self) -> Parser:
         """Return a fresh parser."""
+        return self.PARSER()
 
     @property
     def configured(self) -> bool:

@@ -123,12 +123,8 @@ def _text(heard: bytes, pattern: bytes) -> str:
 class BotaEmulator(Emulator):
     """A sensor that boots at once, streams, and takes the commands of the vendor's driver."""
 
+    STREAMS = True
     BOOT = b"name: SensONE-emulated\r\nS/N: E-0001\r\nFW version: 0.0\r\nc,0,1,0,4\r\nApp Init\r\n"
-
-    def boot(self) -> bytes:
-        """The boot text; frames follow."""
-        self.streaming = True
-        return self.BOOT
 
     def receive(self, data: bytes) -> bytes:
         """Acknowledge every command line; C stops the frames, R starts them."""

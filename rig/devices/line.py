@@ -175,12 +175,8 @@ def _column(text: object) -> tuple[str, float]:
 class LineEmulator(Emulator):
     """Prints a line a sample from the moment it is opened."""
 
+    STREAMS = True
     device: Line
-
-    def boot(self) -> bytes:
-        """Lines follow at once."""
-        self.streaming = True
-        return b""
 
     def receive(self, data: bytes) -> bytes:
         """Answer nothing, as the device listens to nobody."""

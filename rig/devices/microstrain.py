@@ -159,18 +159,10 @@ class MicroStrainEmulator(Emulator):
 
     def receive(self, data: bytes) -> bytes:
         """Acknowledge every intact packet."""
-        self._heard += data
-        answer = b""
-        while (start := self._heard.find(b"\x75\x65")) >= 0 and len(self._heard) - start >= 6:
-            length = self._heard[start + 3] + 6
-            if len(self._heard) - start < length:
-                break
-            frame = bytes(self._heard[start : start + length])
-            intact = frame[-2:] == fletcher(frame[:-2])
-            del self._heard[: start + (length if intact else 1)]
-            for descriptor, body in (fields(frame[4:-2]) or []) if intact else []:
-                answer += self._answer(frame[2], descriptor, body)
-        return answer
+        frames = self.frames(
+            data, b"\x75\x65", lambda head: head[3] + 6, lambda frame: frame[-2:] == fletcher(frame[:-2])
+        )
+        return b"".join(self._answer(frame[2], *pair) for frame in frames for pair in fields(frame[4:-2]) or ())
 
     def _answer(self, descriptor_set: int, command: int, data: bytes) -> bytes:
         reply = [field(ACK, bytes([command, 0]))]

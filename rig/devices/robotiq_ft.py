@@ -91,6 +91,7 @@ class RobotiqFt(Device):
 
     MEASURES = "wrench"
     END = END_OF_STREAM
+    PARSER = RobotiqParser
     BAUDRATE = 19200
     FRAME_BYTES = LENGTH
     OPTIONS: ClassVar[dict[str, object]] = {"configure": True}
@@ -99,10 +100,6 @@ class RobotiqFt(Device):
     def rate(self) -> float:
         """Samples per second [Hz]."""
         return RATE
-
-    def parser(self) -> RobotiqParser:
-        """Return a fresh parser."""
-        return RobotiqParser()
 
     def conversation(self) -> Conversation:
         """End the stream, wait until the line is quiet, ask who it is, start the stream."""
@@ -130,6 +127,7 @@ def _text(data: bytes) -> str:
 class RobotiqEmulator(Emulator):
     """An FT 300 that was left streaming, and answers as soon as its stream has been ended."""
 
+    STREAMS = True
     REGISTERS: ClassVar[dict[int, bytes]] = {
         FIRMWARE: b"FTS\x01\x02\x03",
         SERIAL: b"FTS\0" + struct.pack(">HH", 7, 0),
@@ -138,11 +136,6 @@ class RobotiqEmulator(Emulator):
 
     def __init__(self, device: Device, *, rate: float) -> None:
         super().__init__(device, rate=RATE)
-
-    def boot(self) -> bytes:
-        """Send nothing at the start; frames follow."""
-        self.streaming = True
-        return b""
 
     def receive(self, data: bytes) -> bytes:
         """Answer every intact request, unless it streams."""

@@ -139,14 +139,8 @@ class RobotousEmulator(Emulator):
 
     def receive(self, data: bytes) -> bytes:
         """Answer every intact command."""
-        self._heard += data
-        answer = b""
-        while (start := self._heard.find(b"\x55")) >= 0 and len(self._heard) - start >= 11:
-            frame = bytes(self._heard[start : start + 11])
-            intact = frame == command(*frame[1:9])
-            del self._heard[: start + (11 if intact else 1)]
-            answer += self._answer(frame[1], frame[2]) if intact else b""
-        return answer
+        frames = self.frames(data, b"\x55", lambda _: 11, lambda frame: frame == command(*frame[1:9]))
+        return b"".join(self._answer(frame[1], frame[2]) for frame in frames)
 
     def _answer(self, number: int, parameter: int) -> bytes:
         texts = {MODEL: b"RFT64-SB01", SERIAL: b"E-0002", FIRMWARE: b"0.0"}

@@ -232,7 +232,7 @@ class RtdeEmulator(Emulator):
     def boot(self) -> bytes:
         """A new client: what was heard of the last is forgotten."""
         self._heard.clear()
-        return b""
+        return super().boot()
 
     def receive(self, data: bytes) -> bytes:
         """Answer every whole package."""

@@ -51,13 +51,10 @@ class VectorNavAscii(Device):
     ASKED = False  # the same sensor as `vectornav`
     MEASURES = "imu"
     END = sentence("VNWRG,06,0")
+    PARSER = VectorNavAsciiParser
     BAUDRATE = 115200
     FRAME_BYTES = 118
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 40.0, "configure": True}
-
-    def parser(self) -> VectorNavAsciiParser:
-        """Return a fresh parser."""
-        return VectorNavAsciiParser()
 
     def conversation(self) -> Conversation:
         """Ask for the device's identity, and set its output VNYMR and its rate."""

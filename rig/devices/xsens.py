@@ -135,13 +135,10 @@ class Xsens(Device):
 
     MEASURES = "imu"
     END = message(GOTO_CONFIG)
+    PARSER = XsensParser
     BAUDRATE = 115200
     FRAME_BYTES = 53
     OPTIONS: ClassVar[dict[str, object]] = {"rate": 100.0, "configure": True}
-
-    def parser(self) -> XsensParser:
-        """Return a fresh parser."""
-        return XsensParser()
 
     def conversation(self) -> Conversation:
         """Configuration state, who are you, output configuration and what it became, measurement state."""
@@ -175,24 +172,13 @@ class Xsens(Device):
 class XsensEmulator(Emulator):
     """An MTi that takes the conversation above; it streams after a wake-up as the real one does."""
 
-    def boot(self) -> bytes:
-        """A wake-up message, then data."""
-        self.streaming = True
-        return message(0x3E)
+    STREAMS = True
+    BOOT = message(0x3E)
 
     def receive(self, data: bytes) -> bytes:
         """Acknowledge every intact message."""
-        self._heard += data
-        answer = b""
-        while (start := self._heard.find(b"\xfa\xff")) >= 0 and len(self._heard) - start >= 5:
-            length = self._heard[start + 3] + 5
-            if len(self._heard) - start < length:
-                break
-            frame = bytes(self._heard[start : start + length])
-            intact = not sum(frame[1:]) & 0xFF
-            del self._heard[: start + (length if intact else 1)]
-            answer += self._answer(frame[2], frame[4:-1]) if intact else b""
-        return answer
+        frames = self.frames(data, b"\xfa\xff", lambda head: head[3] + 5, lambda frame: not sum(frame[1:]) & 0xFF)
+        return b"".join(self._answer(frame[2], frame[4:-1]) for frame in frames)
 
     def _answer(self, mid: int, data: bytes) -> bytes:
         if mid in (GOTO_CONFIG, GOTO_MEASUREMENT):

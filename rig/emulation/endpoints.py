@@ -76,7 +76,23 @@ class Pty:
             return 0
 
 
-class UdpEndpoint:
+class SocketEndpoint:
+    """A socket whose number stays the same when it is plugged in again; what nobody reads of it is gone anyway."""
+
+    _socket: socket.socket
+    """The socket that is open while the device is plugged in."""
+    _number = 0
+
+    @property
+    def present(self) -> bool:
+        """Whether the device is plugged in."""
+        return self._socket.fileno() >= 0
+
+    def forget(self) -> None:
+        """Do nothing: what the last reader left unread has gone with the connection."""
+
+
+class UdpEndpoint(SocketEndpoint):
     """A socket that sends datagrams of ``size`` bytes to whoever asked last.
 
     ``lose`` and ``swap`` disturb the network: every so many datagrams after the last command one is lost, or comes
@@ -85,14 +101,9 @@ class UdpEndpoint:
 
     def __init__(self, size: int, *, lose: int = 0, swap: int = 0) -> None:
         self._size, self._lose, self._swap = size, lose, swap
-        self._number, self._count, self._late = 0, 0, b""
+        self._count, self._late = 0, b""
         self._peer: tuple[str, int] | None = None
         self.plug()
-
-    @property
-    def present(self) -> bool:
-        """Whether the device is plugged in."""
-        return self._socket.fileno() >= 0
 
     @property
     def opened(self) -> bool:
@@ -114,9 +125,6 @@ class UdpEndpoint:
         """Take it away."""
         self._socket.close()
         self._peer = None
-
-    def forget(self) -> None:
-        """A datagram that nobody reads is gone anyway."""
 
     def read(self) -> bytes:
         """The last command."""
@@ -145,44 +153,35 @@ class UdpEndpoint:
         return len(data)
 
 
-class TcpEndpoint:
+class TcpEndpoint(SocketEndpoint):
     """A listening socket with at most one client."""
 
     def __init__(self) -> None:
-        self._number = 0
         self._client = socket.socket()  # of nobody yet
         self._client.close()
         self.plug()
-
-    @property
-    def present(self) -> bool:
-        """Whether the device is plugged in."""
-        return self._listener.fileno() >= 0
 
     @property
     def opened(self) -> bool:
         """Whether the endpoint has a client."""
         if self._client.fileno() < 0:
             with contextlib.suppress(OSError):
-                self._client = self._listener.accept()[0]
+                self._client = self._socket.accept()[0]
                 self._client.setblocking(False)
                 self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return self._client.fileno() >= 0
 
     def plug(self) -> None:
         """Listen, under the same number as before."""
-        self._listener = socket.create_server((HOST, self._number))
-        self._listener.setblocking(False)
-        self._number = self._listener.getsockname()[1]
+        self._socket = socket.create_server((HOST, self._number))
+        self._socket.setblocking(False)
+        self._number = self._socket.getsockname()[1]
         self.port = f"tcp://{HOST}:{self._number}"
 
     def unplug(self) -> None:
         """Take it away."""
         self._client.close()
-        self._listener.close()
-
-    def forget(self) -> None:
-        """The connection took it along."""
+        self._socket.close()
 
     def read(self) -> bytes:
         """Return the bytes that were sent to the device; notices that the client has gone."""

@@ -60,21 +60,21 @@ def bounds(found):
     """Average 3σ of moments and products [kg·m²] that cannot be beaten: repeating motions, and all by squares."""
     sharper = (
         repeating_bound(found.experiment, found.spec, found.limits),
-        bound_by_squares(found.experiment, found.reference, found.limits),
+        bound_by_squares(found.experiment, found.reference.spec, found.limits),
     )
     return [np.array([bound.moments, bound.products]) for bound in sharper if bound is not None]
 
 
 def table(name, found):
     """One row: T1 at its best, the design [g·m²], and by how much it and the bounds are less, in per cent."""
-    t1, ours = average(found.expanded_reference), average(found.expanded)
+    t1, ours = average(found.reference.expanded), average(found.expanded)
     figures = np.concatenate([1e3 * t1, 1e3 * ours, *(100 * (1 - least / t1) for least in (ours, *bounds(found)))])
     return f"| {name} | " + " | ".join(f"{one:.3g}" for one in figures) + " |"
 
 
 def certified(found, trials):
     """Predicted and simulated 3σ of each component, for the design and for its reference, differentiators matched."""
-    for spec, promised in ((found.spec, found.expanded), (found.reference, found.expanded_reference)):
+    for spec, promised in ((found.spec, found.expanded), (found.reference.spec, found.reference.expanded)):
         matched = EstimatorSpec("matched", "savitzky-golay", spec.trajectory.highest_frequency)
         experiment = dataclasses.replace(found.experiment, trajectories={"one": spec}, estimators=(matched,))
         errors = montecarlo(experiment, trials=trials).total_errors("one", "matched")

@@ -111,7 +111,7 @@ class Laboratory:
         rate = self.experiment.trajectories["T1"].rate
         model, before = prepared(rows, s["omega_precision"] / np.sqrt(rate), np.zeros(3), setting)
         fit, _ = fitted(model, before, np.diag(sigma**2) / rows.factor, setting, "a run")
-        return np.asarray(before.theta(fit.z)), posterior(fit, before)
+        return np.asarray(before.theta(fit.z)), posterior(fit.information, before)[0]
 
     def calibration(self, rng, correlated=None):
         """What static poses say of this body: drawn around the truth with the declared covariance."""

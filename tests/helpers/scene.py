@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Sphere, Trajectory, sample
-from identify.motion.window import step
+from identify.motion.trajectory import Sphere, Trajectory, sample, step
 from identify.rigid_body.dynamics import acceleration_at, wrench
 
 MOUNTED = 15.0

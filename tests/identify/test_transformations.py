@@ -15,8 +15,7 @@ from identify.motion.attitude import running_product
 from identify.motion.leg_limits import PlatformMotion, effort
 from identify.motion.multisine import Multisine
 from identify.motion.stewart_platform import Pose, Twist, lengths
-from identify.motion.trajectory import Harmonic, Sphere, sample
-from identify.motion.window import window
+from identify.motion.trajectory import Harmonic, Sphere, sample, window
 from identify.rigid_body import dynamics, fixture, inertia, principal_axes, pseudo_inertia, regressor, rotation, solids
 from identify.rigid_body.inertia import Body
 from identify.signals import differentiate, filters

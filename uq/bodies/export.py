@@ -9,12 +9,13 @@ import numpy as np
 
 from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
-from identify.reporting import Result, plain
+from identify.reporting import plain
 from identify.results.declaration import status
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.rounding import common, significant
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody, principal_axes
+from uq.files.output_folder import FilesResult
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
@@ -25,7 +26,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True, repr=False)
-class Exported(Result):
+class Exported(FilesResult):
     """Export files, made but not yet written.
 
     Example: ``export(identification, "urdf,mjcf").write("folder")``.
@@ -37,20 +38,6 @@ class Exported(Result):
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "export"
-
-    def files(self) -> dict[str, bytes]:
-        """Return the files' bytes by name."""
-        return {name: text.encode() for name, text in self.contents.items()}
-
-    def write(self, folder: str | Path) -> None:
-        """Write the files into a folder, all or none; a file of the same name is replaced.
-
-        Raises:
-            OSError: the folder cannot be made or written.
-        """
-        from uq.files.output_folder import place
-
-        place(self.files(), Path(folder))
 
     def records(self) -> list[dict[str, Any]]:
         """Return format, file and description of each."""

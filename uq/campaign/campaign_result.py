@@ -8,9 +8,8 @@ import numpy as np
 
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS
-from uq.campaign.by_trajectory import ByTrajectory
 from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import Breakdown, Statistics, large_mean_error
+from uq.campaign.statistics import Breakdown, ByTrajectory, Statistics, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 from uq.sources.quasi_random import Points

@@ -5,21 +5,18 @@ import argparse
 from uq.experiment.experiment import Experiment
 from uq.identification.static_centre import centre_file
 from uq.recorded.time_window import windows_of_options
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import finish, output_folder, start_jax
 from uq.terminal.options import add_window_options
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("poses", metavar="POSES", help="a table of static poses, one a row, or samples that hold them")
-    parser.add_argument(
-        "--experiment", required=True, metavar="E.toml", help="columns, units, signs, frames and local gravity"
-    )
+    parser.value("poses", "POSES", "a table of static poses, one a row, or samples that hold them")
+    parser.value("--experiment", "E.toml", "columns, units, signs, frames and local gravity", required=True)
     add_window_options(parser, "every still segment of a run is a pose")
-    parser.add_argument(
-        "--without", metavar="N", type=int, nargs="+", default=[], help="numbers of poses to leave out, from 1"
-    )
-    parser.add_argument("--out", metavar="DIR", help="folder for centre.json and report.html")
+    parser.value("--without", "N", "numbers of poses to leave out, from 1", type=int, nargs="+", default=[])
+    parser.value("--out", "DIR", "folder for centre.json and report.html")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ from uq.motion_design.hexapod.design import design
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.motion_export import export_motion
 from uq.planning.pose_plan import POSES, plan_poses
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import finish, output_folder, start_jax
 from uq.terminal.options import positive_quantity, whole_number
 from uq.terminal.sources import add_without_option, shares_named
@@ -19,45 +20,32 @@ OF_A_RUN = ("achieved", "trajectory", "experiment", "without", "out", "by_itself
 """Arguments that say something of a run that is there already; all others are of a design."""
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="body, sources, [platform] geometry and limits")
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder for result.json, report.html, designed.toml and the motion"
+    parser.value("experiment", "EXPERIMENT.toml", "body, sources, [platform] geometry and limits")
+    parser.value("--out", "DIR", "folder for result.json, report.html, designed.toml and the motion")
+    parser.value(
+        "--goal", "GOAL", "quantities to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)"
     )
-    parser.add_argument(
-        "--goal", metavar="GOAL",
-        help="quantities to be known best: all, moments, products, worst, 'axis 1' to 'axis 3' (all)",
+    parser.value(
+        "--objective", "OBJECTIVE",
+        text="figure of a component that counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
     )  # fmt: skip
-    parser.add_argument(
-        "--objective", metavar="OBJECTIVE",
-        help="figure of a component that counts: rms, 3√(σ² + mean error²), or 3sigma, the dispersion alone (rms)",
+    parser.value("--reference", "NAME", "the trajectory to be beaten (the first)")
+    parser.value("--duration", "'180 s'", "duration of the run (the reference's)")
+    parser.value("--period", "'5 s'", "period of motions without stages, which repeat it, and of an arm's motion (5 s)")
+    parser.value("--starts", "N", "motions to start from, minutes each; the first in stages (1)", type=whole_number)
+    parser.value("--seed", "N", "seed of the starts (0)", type=whole_number)
+    parser.value(
+        "--target", "'1 g*m^2'", action="append",
+        text="an average 3σ whose duration is wanted, of moments and of products; repeatable (half of the design's)",
     )  # fmt: skip
-    parser.add_argument("--reference", metavar="NAME", help="the trajectory to be beaten (the first)")
-    parser.add_argument("--duration", metavar="'180 s'", help="duration of the run (the reference's)")
-    parser.add_argument(
-        "--period",
-        metavar="'5 s'",
-        help="period of motions without stages, which repeat it, and of an arm's motion (5 s)",
-    )
-    parser.add_argument(
-        "--starts", type=whole_number, metavar="N", help="motions to start from, minutes each; the first in stages (1)"
-    )
-    parser.add_argument("--seed", type=whole_number, metavar="N", help="seed of the starts (0)")
-    parser.add_argument(
-        "--target", action="append", metavar="'1 g*m^2'",
-        help="an average 3σ whose duration is wanted, of moments and of products; repeatable (half of the design's)",
-    )  # fmt: skip
-    parser.add_argument("--poses", type=whole_number, metavar="N", help=f"static poses to plan, 0 for none ({POSES})")
-    parser.add_argument(
-        "--rehearsal", type=float, metavar="PART", help="export the motion at this part of its speed, too, such as 0.5"
-    )
-    parser.add_argument(
-        "--rehearsal-amplitude", type=float, metavar="PART", help="part of the amplitude in the rehearsal (1)"
-    )
+    parser.value("--poses", "N", f"static poses to plan, 0 for none ({POSES})", type=whole_number)
+    parser.value("--rehearsal", "PART", "export the motion at this part of its speed, too, such as 0.5", type=float)
+    parser.value("--rehearsal-amplitude", "PART", "part of the amplitude in the rehearsal (1)", type=float)
     add_without_option(parser)
-    parser.add_argument("--achieved", metavar="RUN.mcap", help="compare a recorded run with its plan, design nothing")
-    parser.add_argument("--trajectory", metavar="NAME", help="with --achieved: the plan (designed, or the first)")
+    parser.value("--achieved", "RUN.mcap", "compare a recorded run with its plan, design nothing")
+    parser.value("--trajectory", "NAME", "with --achieved: the plan (designed, or the first)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -5,11 +5,12 @@ from importlib.resources import files
 from pathlib import Path
 
 from rig.exceptions import RigError, quoted
+from uq.terminal.command_parser import CommandParser
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("names", nargs="*", metavar="NAME", help="examples to copy (without -o, too: list them)")
+    parser.value("names", "NAME", "examples to copy (without -o, too: list them)", nargs="*")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder to copy to (here); without a name: all examples")
 
 

@@ -12,58 +12,47 @@ from uq.identification.tare import check_tare, tare_files
 from uq.recorded.mounting import names
 from uq.recorded.time_window import windows_of_options
 from uq.report.certificate.certificate import Certificate
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import finish, output_folder, start_jax
 from uq.terminal.options import add_window_options
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("runs", nargs="+", metavar="RUN.mcap", help="recorded runs of one body")
-    parser.add_argument(
-        "--experiment", required=True, metavar="E.toml", help="r_CG, estimators, channels; or the preset barreto2016"
-    )
-    parser.add_argument("--estimator", metavar="NAME", help="the estimator (recording.estimator, or the first)")
+    parser.value("runs", "RUN.mcap", "recorded runs of one body", nargs="+")
+    parser.value("--experiment", "E.toml", "r_CG, estimators, channels; or the preset barreto2016", required=True)
+    parser.value("--estimator", "NAME", "the estimator (recording.estimator, or the first)")
     parser.add_argument(
         "--offsets",
         choices=("estimate", "still", "none"),
         help="constant offsets of force and moment: estimated, from rest, or none (as the experiment says)",
     )
-    parser.add_argument(
-        "--mounting",
-        metavar="A,A,B,…",
-        help="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
-    )
-    parser.add_argument(
-        "--centre", metavar="centre.json", help="mass and centre of gravity from static poses (inertia centre --out)"
-    )
-    parser.add_argument(
-        "--tare",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="EMPTY.mcap",
-        help="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
-    )
-    parser.add_argument("--tare-centre", metavar="centre.json", help="the fixture's centre, instead of [fixture]")
+    parser.value(
+        "--mounting", "A,A,B,…",
+        text="name of the mounting that each run was made with, in the runs' order (as the runs' metadata say)",
+    )  # fmt: skip
+    parser.value("--centre", "centre.json", "mass and centre of gravity from static poses (inertia centre --out)")
+    parser.value(
+        "--tare", "EMPTY.mcap", nargs="+", action="extend", default=[],
+        text="runs of the fixture alone, whose mass, centre of gravity and tensor are taken off",
+    )  # fmt: skip
+    parser.value("--tare-centre", "centre.json", "the fixture's centre, instead of [fixture]")
     parser.add_argument(
         "--method",
         choices=methods.names(),
         help="source: least squares of the moment; gls: the same, rows weighed by what their residuals say, where that "
         "can be trusted; joint: tensor, mass, centre, offsets, delay and rotation together (recording.method)",
     )
-    parser.add_argument(
+    parser.switch(
         "--validate",
-        action="store_true",
-        help="predict force and moment of each run by the others (of one run: of each half), and judge the errors",
+        "predict force and moment of each run by the others (of one run: of each half), and judge the errors",
     )
     add_window_options(parser)
-    parser.add_argument("--expected", metavar="BODY.toml", help="a reference body, from its drawing or a CAD report")
+    parser.value("--expected", "BODY.toml", "a reference body, from its drawing or a CAD report")
     formats = ", ".join(export_formats.names())
-    parser.add_argument("--export", metavar="FORMATS", help=f"files for others, with commas: {formats}")
-    parser.add_argument(
-        "--force", action="store_true", help="export what is no body's or what the runs contradict, with a warning"
-    )
-    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figures")
+    parser.value("--export", "FORMATS", f"files for others, with commas: {formats}")
+    parser.switch("--force", "export what is no body's or what the runs contradict, with a warning")
+    parser.value("--out", "DIR", "folder for result.json, report.html and the figures")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -6,16 +6,13 @@ from pathlib import Path
 from uq.tables.import_table import import_table
 from uq.tables.proposed_map import propose
 from uq.tables.table_map import Map
+from uq.terminal.command_parser import CommandParser
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "tables", metavar="TABLE", nargs="+", help="a table as text, one row a sample; or two, joined by their times"
-    )
-    parser.add_argument(
-        "--map", metavar="MAP.toml", help="the columns: units, signs, frames; without it one is proposed, to be checked"
-    )
+    parser.value("tables", "TABLE", "a table as text, one row a sample; or two, joined by their times", nargs="+")
+    parser.value("--map", "MAP.toml", "the columns: units, signs, frames; without it one is proposed, to be checked")
     parser.add_argument(
         "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
     )

@@ -4,6 +4,8 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
+from uq.terminal.command_parser import CommandParser
+
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
 
@@ -13,11 +15,11 @@ NO_NOISE = (
 )
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("run", nargs="+", help="recorded runs (MCAP)")
-    parser.add_argument("--experiment", metavar="E.toml", help="meaning of the channels, mass, centre of gravity")
-    parser.add_argument("--json", action="store_true", help="one line of JSON a run instead of text")
+    parser.value("--experiment", "E.toml", "meaning of the channels, mass, centre of gravity")
+    parser.switch("--json", "one line of JSON a run instead of text")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -11,12 +11,12 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from identify.rounding import concise
 from rig import read_limits
-from rig.exceptions import cure, on_one_line, quoted
+from rig.exceptions import cure, quoted
 from uq.files.mistakes import MISTAKES
+from uq.terminal.command_parser import CommandParser, complain
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
 from uq.terminal.standard_streams import ShownText, shown_streams
@@ -51,17 +51,6 @@ SELDOM = 1_000_000
 OUT_OF_MEMORY = ("RESOURCE_EXHAUSTED", "Out of memory", "bad_alloc", "can't start new thread", "failed to map segment",
                  "annot allocate memory")  # fmt: skip
 """Texts of the errors that libraries raise where Python would raise a MemoryError."""
-LONGEST = 150
-"""Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
-
-
-class CommandParser(argparse.ArgumentParser):
-    """An argument parser whose complaints are one line and exit status 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """End the program with the message in one line."""
-        _complain(f"{message if len(message) <= LONGEST else quoted(message)}; see '{self.prog} --help'")
-        self.exit(2)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -84,20 +73,20 @@ def _status(argv: list[str], interrupt: Interrupt | None) -> int:
         return BROKEN_PIPE
     except OSError as error:
         where = f" {error.filename}" if error.filename is not None else ""
-        _complain(f"{error.strerror or error}{where}: {cure(error)}")
+        complain(f"{error.strerror or error}{where}: {cure(error)}")
         return 2
     except (MemoryError, RuntimeError, ImportError, SystemError) as error:
         if not isinstance(error, MemoryError) and not any(words in str(error) for words in OUT_OF_MEMORY):
             raise
     except KeyboardInterrupt as error:
-        _complain("; ".join(("interrupted", *map(str, error.args))))
+        complain("; ".join(("interrupted", *map(str, error.args))))
         if interrupt:
             leave()
         return INTERRUPTED
     else:
         return status
     # Here, where the error and all that its frames held is gone, is memory to say so.
-    _complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
+    complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
     return 2
 
 
@@ -105,7 +94,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     """Run one command; a user's mistake is one line and status 2. No ``interrupt``: within a program."""
     by_itself = interrupt is not None
     if clash := _other_identify():
-        _complain(f"{clash}: install inertia-uq into an environment of its own (uv tool, pipx, python -m venv)")
+        complain(f"{clash}: install inertia-uq into an environment of its own (uv tool, pipx, python -m venv)")
         return 2
     if argv[:1] == ["--version"]:
         print(f"inertia-uq {_version()}")
@@ -115,15 +104,15 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         return 0 if argv else 2
     name, rest = argv[0], argv[1:]
     if name not in COMMANDS:
-        _complain(f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}")
+        complain(f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}")
         return 2
     if strange := [text for text in rest if not _is_unicode(text)]:
-        _complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")
+        complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")
         return 2
     limit = _memory_limit()
     if name not in WITHOUT_JAX and limit is not None and limit < LEAST_MEMORY:
         allowed = f"{limit / 2**30:.2g} GiB"
-        _complain(f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more")
+        complain(f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more")
         return 2
     if "--distributed" in rest and by_itself:
         status = divide()
@@ -151,7 +140,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         with interrupt.raising() if interrupt else contextlib.nullcontext(), notation:
             return module.run(parser.parse_args(rest, argparse.Namespace(by_itself=by_itself)))
     except MISTAKES as error:
-        _complain(str(error))
+        complain(str(error))
     finally:
         if by_itself:  # Python's end would look for circles among objects that end with it (0.4 s)
             gc.freeze()
@@ -205,11 +194,6 @@ def _is_unicode(text: str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
-
-
-def _complain(message: str) -> None:
-    with contextlib.suppress(OSError):  # nobody hears it
-        print(f"error: {on_one_line(message)}", file=sys.stderr, flush=True)
 
 
 def _overview() -> str:

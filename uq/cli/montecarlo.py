@@ -15,6 +15,7 @@ from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
 from uq.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.sensitivity.source_budget import budget
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_campaign_options, positive_quantity, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
@@ -23,29 +24,27 @@ from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.value("experiment", "EXPERIMENT.toml", "an experiment file, or the preset barreto2016")
     parser.add_argument(
         "--trials", type=whole_number, help=f"number of trials ({TRIALS}); with --adaptive the most ({MOST_TRIALS})"
     )
-    parser.add_argument("--trajectory", action="append", metavar="NAME", help="a trajectory; repeatable (all)")
-    parser.add_argument("--estimator", action="append", metavar="NAME", help="an estimator; repeatable (all)")
+    parser.value("--trajectory", "NAME", "a trajectory; repeatable (all)", action="append")
+    parser.value("--estimator", "NAME", "an estimator; repeatable (all)", action="append")
     sampling = parser.add_mutually_exclusive_group()
     add_campaign_options(parser, sampling)
     sampling.add_argument("--quasi-random", action="store_true", help="quasi-random trials: fewer of them know as much")
     sampling.add_argument("--collapsed", action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--adaptive", action="store_true", help="run until mean, uncertainty and 95 %% interval are stable"
-    )
+    parser.switch("--adaptive", "run until mean, uncertainty and 95 %% interval are stable")
     parser.add_argument(
         "--digits", type=whole_number, help="with --adaptive: significant digits of the uncertainty to be stable (1)"
     )
-    parser.add_argument("--law", action="store_true", help="show the law of propagation beside the Monte Carlo")
-    parser.add_argument("--tolerance", metavar="'0.05 g*m^2'", help="with --adaptive: the tolerance instead of digits")
-    parser.add_argument(
-        "--budget", nargs="?", type=whole_number, const=1000, metavar="PAIRS",
-        help="shares of every source and group in the variance, from this many pairs of trials (1000)",
+    parser.switch("--law", "show the law of propagation beside the Monte Carlo")
+    parser.value("--tolerance", "'0.05 g*m^2'", "with --adaptive: the tolerance instead of digits")
+    parser.value(
+        "--budget", "PAIRS", nargs="?", type=whole_number, const=1000,
+        text="shares of every source and group in the variance, from this many pairs of trials (1000)",
     )  # fmt: skip
     add_without_option(parser)
     add_cluster_options(parser)
@@ -126,9 +125,7 @@ def _campaign(
 
 def _choices(arguments: argparse.Namespace) -> dict[str, Any]:
     """Seed, trajectories and estimators, which campaign and budget share."""
-    return {
-        "seed": arguments.seed, "trajectories": arguments.trajectory, "estimators": arguments.estimator,
-    }  # fmt: skip
+    return {"seed": arguments.seed, "trajectories": arguments.trajectory, "estimators": arguments.estimator}
 
 
 def _goal(arguments: argparse.Namespace) -> Goal | None:

@@ -7,15 +7,16 @@ from rig.exceptions import RigError, on_one_line, quoted
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text
 from uq.recorded.still_noise import still_noise
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import finish, output_folder, start_jax
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("still", metavar="STILL.mcap", help="a recording at rest, as long as a measurement or longer")
+    parser.value("still", "STILL.mcap", "a recording at rest, as long as a measurement or longer")
     parser.add_argument("-o", "--output", metavar="SOURCES.toml", help="file of sources to write; must not exist")
-    parser.add_argument("--experiment", metavar="E.toml", help="meaning of the channels: units, signs, frames")
-    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figure with the fit")
+    parser.value("--experiment", "E.toml", "meaning of the channels: units, signs, frames")
+    parser.value("--out", "DIR", "folder for result.json, report.html and the figure with the fit")
 
 
 def run(arguments: argparse.Namespace) -> int:

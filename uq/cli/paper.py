@@ -8,6 +8,7 @@ from uq.barreto2016 import paper
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_campaign_options, whole_number
 from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
@@ -15,7 +16,7 @@ from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("--trials", type=whole_number, default=10_000, help="number of trials (10000)")
     add_campaign_options(parser)

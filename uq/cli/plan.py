@@ -7,27 +7,28 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.planning.measurement_plan import plan_measurement
 from uq.planning.required_duration import GOALS
 from uq.planning.sensor_worth import BOTH
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import finish, output_folder, start_jax
 from uq.terminal.options import positive_quantity
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
-    parser.add_argument(
-        "--target", action="append", metavar="'0.5 g*m^2'",
-        help="an average 3σ whose duration is wanted; repeatable (half of the present one)",
+    parser.value("experiment", "EXPERIMENT.toml", "an experiment file, or the preset barreto2016")
+    parser.value(
+        "--target", "'0.5 g*m^2'", action="append",
+        text="an average 3σ whose duration is wanted; repeatable (half of the present one)",
     )  # fmt: skip
-    parser.add_argument(
-        "--goal", action="append", metavar="GOAL",
-        help=f"components to be averaged: {', '.join(GOALS)}; repeatable (moments and products)",
+    parser.value(
+        "--goal", "GOAL", action="append",
+        text=f"components to be averaged: {', '.join(GOALS)}; repeatable (moments and products)",
     )  # fmt: skip
-    parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
-    parser.add_argument("--estimator", metavar="NAME", help="the estimator (the recording's, or the first)")
+    parser.value("--trajectory", "NAME", "the trajectory (the first)")
+    parser.value("--estimator", "NAME", "the estimator (the recording's, or the first)")
     add_without_option(parser)
-    parser.add_argument("--out", metavar="DIR", help="folder for result.json, report.html and the figure")
+    parser.value("--out", "DIR", "folder for result.json, report.html and the figure")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -11,35 +11,31 @@ from typing import TYPE_CHECKING
 
 from identify.text_tables import text_table
 from rig.exceptions import RigError, on_one_line
+from uq.terminal.command_parser import CommandParser
 
 if TYPE_CHECKING:
     from rig.record.recorder import Progress, Summary
     from uq.live.second_process import SecondProcess
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("rig", nargs="?", help="the rig file (TOML, see docs/how-to/rig.md)")
     parser.add_argument("-o", "--output", help="RUN.mcap, or a folder in which runs are numbered")
     parser.add_argument("--seconds", type=float, help="stop after this many seconds (default: until Ctrl-C)")
     parser.add_argument("--note", default="", help="a note for the file's metadata")
-    parser.add_argument("--json", action="store_true", help="print at the end what was recorded as a line of JSON")
-    parser.add_argument("--list", nargs="*", metavar="PORT", help="show ports and the devices that answer on them")
-    parser.add_argument("--watch", action="store_true", help="show live values, write nothing")
-    parser.add_argument("--identify", metavar="E.toml", help="identify while recording, by this experiment file")
-    parser.add_argument(
-        "--until",
-        metavar='"5 g*m^2"',
-        help="with --identify: end when half the interval of 95 %% of every component is no more than this",
-    )
-    parser.add_argument(
-        "--live",
-        nargs="?",
-        type=int,
-        const=8765,
-        metavar="PORT",
-        help="with --identify: show samples and estimate in Foxglove, at ws://127.0.0.1:PORT (8765)",
-    )
+    parser.switch("--json", "print at the end what was recorded as a line of JSON")
+    parser.value("--list", "PORT", "show ports and the devices that answer on them", nargs="*")
+    parser.switch("--watch", "show live values, write nothing")
+    parser.value("--identify", "E.toml", "identify while recording, by this experiment file")
+    parser.value(
+        "--until", '"5 g*m^2"',
+        text="with --identify: end when half the interval of 95 %% of every component is no more than this",
+    )  # fmt: skip
+    parser.value(
+        "--live", "PORT", nargs="?", type=int, const=8765,
+        text="with --identify: show samples and estimate in Foxglove, at ws://127.0.0.1:PORT (8765)",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

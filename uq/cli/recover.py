@@ -3,9 +3,10 @@
 import argparse
 
 from rig.exceptions import on_one_line
+from uq.terminal.command_parser import CommandParser
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("broken", help="the cut or damaged MCAP file; it is only read")
     parser.add_argument("-o", "--output", required=True, help="the new file")

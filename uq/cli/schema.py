@@ -9,11 +9,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from uq.terminal.command_parser import CommandParser
+
 FILES = ("experiment", "rig", "map", "body")
 RESULT = "result"
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
         "file", nargs="?", choices=(*FILES, RESULT), default=FILES[0], help="kind of file (default: %(default)s)"

@@ -5,17 +5,18 @@ import argparse
 from rig.exceptions import on_one_line
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import start_jax
 from uq.terminal.options import whole_number
 
 
-def configure(parser: argparse.ArgumentParser) -> None:
+def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("experiment", metavar="EXPERIMENT.toml", help="an experiment file, or the preset barreto2016")
+    parser.value("experiment", "EXPERIMENT.toml", "an experiment file, or the preset barreto2016")
     parser.add_argument(
         "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"
     )
-    parser.add_argument("--trajectory", metavar="NAME", help="the trajectory (the first)")
+    parser.value("--trajectory", "NAME", "the trajectory (the first)")
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     parser.add_argument("--trial", type=whole_number, default=0, help="number of the Monte Carlo's trial (0)")
 

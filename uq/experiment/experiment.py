@@ -27,7 +27,6 @@ from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
 from uq.experiment.arm_table import DeclaredArm
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
-from uq.experiment.included_sources import with_included
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
@@ -37,13 +36,13 @@ from uq.experiment.undeclared_table import NONE, UndeclaredTable
 from uq.files.changed_document import with_entry, with_table
 from uq.files.document import in_file, read_document
 from uq.files.mistakes import ExperimentError
-from uq.files.plain_values import plain_values
+from uq.files.provenance import plain_values
 from uq.files.schema import declared_table
 from uq.sources.changed_source import changed_source, without_sources
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.sources.source_table import sources_of
+from uq.sources.source_table import sources_of, with_included
 
 PRESETS = ("barreto2016",)
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")

@@ -11,7 +11,7 @@ from identify.text_tables import Table
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.sources.source import KINDS, Source
 from uq.sources.source_figures import on_axes
-from uq.sources.source_width import WIDTHS
+from uq.sources.source_table import WIDTHS
 
 SOURCE_HEAD = ("source", "perturbs", "kind", "group", "σ on axes 1, 2, 3, or as named")
 

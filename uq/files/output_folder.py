@@ -1,10 +1,11 @@
-"""Write files into a folder, all of them or none."""
+"""Write files into a folder, all of them or none; results that are files."""
 
 import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from identify.reporting import Result
 from rig.atomic_files import naming
 
 
@@ -20,6 +21,25 @@ def place(content: Mapping[str, bytes], out: Path) -> None:
             _write(Path(folder, name), data)
         for name in content:
             os.replace(Path(folder, name), out / name)
+
+
+class FilesResult(Result):
+    """Base of results that bring files of their own, made but not yet written."""
+
+    contents: Mapping[str, str | bytes]
+    """Contents of the files by name."""
+
+    def files(self) -> dict[str, bytes]:
+        """Return the files' bytes by name."""
+        return {name: data.encode() if isinstance(data, str) else data for name, data in self.contents.items()}
+
+    def write(self, folder: str | Path) -> None:
+        """Write the files into a folder, all or none; a file of the same name is replaced.
+
+        Raises:
+            OSError: the folder cannot be made or written.
+        """
+        place(self.files(), Path(folder))
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -1,15 +1,20 @@
-"""Provenance of a result: inputs, versions, machine, time."""
+"""Provenance of a result: inputs as JSON takes them, versions, machine, time."""
 
 import hashlib
+import math
 import platform
 import subprocess
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from dataclasses import fields, is_dataclass
+from datetime import UTC, date, datetime, time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
+
+from rig.toml_tables import TomlTable
 
 
 def provenance(**inputs: Any) -> dict[str, Any]:
@@ -66,3 +71,20 @@ def _revision() -> str | None:
         )
     except (OSError, subprocess.CalledProcessError):
         return None
+
+
+def plain_values(value: Any) -> Any:
+    """Return a value as numbers, strings, lists and dicts, for JSON."""
+    if isinstance(value, Mapping):
+        return {key: plain_values(item) for key, item in value.items()}
+    if isinstance(value, TomlTable):
+        return {"class": type(value).__name__} | plain_values(value.to_dict())
+    if is_dataclass(value):
+        return {"class": type(value).__name__} | {f.name: plain_values(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, (list, tuple)):
+        return [plain_values(item) for item in value]
+    if isinstance(value, (date, time)):
+        return value.isoformat()
+    if isinstance(value, (np.ndarray, np.generic, jax.Array)):
+        return plain_values(np.asarray(value).tolist())
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

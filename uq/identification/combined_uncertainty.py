@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.estimators.type_a import Pooling
+from identify.estimators.pooling import Pooling
 from identify.results.contributions import ESTIMATE
 from identify.results.identification_result import Identification
 from uq.sources.source import Source

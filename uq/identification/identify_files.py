@@ -22,7 +22,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
 from identify.static.centre_result import Centre
-from identify.sums.regressor_rows import check_rate
+from identify.sums.run_lines import check_rate
 from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import cautions

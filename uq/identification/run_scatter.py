@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from identify.estimators.type_a import Pooling
+from identify.estimators.pooling import Pooling
 from identify.exceptions import RunError
 from identify.results.discordance import Discordance, PoolEstimate, discordant_runs
 from identify.results.identification_result import Identification

@@ -27,8 +27,8 @@ from identify.signals.filters import apply
 from identify.signals.gravity_direction import upward_by_force
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Rest, Run, RunError
-from identify.sums.regressor_rows import unbroken, usable_rows
 from identify.sums.residual_spectrum import Lines
+from identify.sums.run_lines import unbroken, usable_rows
 from uq.gram_sums.case_equations import feature_map
 from uq.gram_sums.error_maps import Columns, gyro_map
 from uq.sources.constant_errors import Errors

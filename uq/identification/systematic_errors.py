@@ -1,6 +1,6 @@
 """The declared systematic sources of a recorded run, propagated by Monte Carlo around the fitted motion (type B).
 
-What the residuals show of noise is type A already (:mod:`identify.estimators.type_a`); precision sources are not
+What the residuals show of noise is type A already (:mod:`identify.estimators.pooling`); precision sources are not
 added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sources leave no residual and are common to
 all runs, so they do not average out; those that each mounting draws independently do.
 """

@@ -6,6 +6,7 @@ each block, summed over bands of frequency, give the residuals' spectrum of any 
 uncertainty that they show (type A): the residuals are linear in the tensor, so no sample is looked at twice.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,8 +17,8 @@ from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import moving_average, response
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
-from identify.sums.regressor_rows import unbroken, usable_rows
 from identify.sums.residual_spectrum import Lines
+from identify.sums.run_lines import unbroken, usable_rows
 from uq.identification.run_sums import ELEMENTS, FEATURES, FORCE, MOMENT, SIGNALS, delayed_signals
 from uq.live.growing_run import BLOCK, Block
 
@@ -53,8 +54,7 @@ class RunningSums:
         self.lines, self.gain = np.zeros(BANDS), np.zeros(BANDS)
         self.noise = np.zeros((6, 6))
         self.seconds = 0.0
-        self.left_out: dict[str, int] = {}
-        self.warnings: dict[str, int] = {}
+        self.left_out, self.warnings = Counter[str](), Counter[str]()
         self._fastest = 0.0
 
     def add(self, block: Block) -> None:
@@ -96,11 +96,8 @@ class RunningSums:
 
     def _count(self, block: Block, inside: np.ndarray) -> None:
         if block.run.missing is not None and (lost := int(block.run.missing[inside].sum())):
-            self.left_out["in gaps or beside bad samples"] = (
-                self.left_out.get("in gaps or beside bad samples", 0) + lost
-            )
-        for text in block.run.warnings:
-            self.warnings[text] = self.warnings.get(text, 0) + 1
+            self.left_out["in gaps or beside bad samples"] += lost
+        self.warnings.update(block.run.warnings)
 
     def _add_spectra(self, rows: Float[np.ndarray, "m 19"], keep: np.ndarray, rate: float) -> None:
         for segment in unbroken(keep):

@@ -4,15 +4,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
-from identify.reporting import Result
+from uq.files.output_folder import FilesResult
 
 
-class MotionReport(Result, ABC):
+class MotionReport(FilesResult, ABC):
     """The report of a designed motion; a subclass states its warnings and its numbers."""
 
     goal: str
-    contents: Mapping[str, bytes]
-    """Contents of the files by name."""
     provenance: Mapping[str, Any]
     name: str = "design"
 
@@ -24,10 +22,6 @@ class MotionReport(Result, ABC):
     @abstractmethod
     def content(self) -> dict[str, Any]:
         """Return what result.json says of this design alone."""
-
-    def files(self) -> dict[str, bytes]:
-        """Return the files' bytes by name."""
-        return dict(self.contents)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m² where no unit is named."""

@@ -10,8 +10,7 @@ import scipy
 
 from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.campaign.by_trajectory import ByTrajectory
-from uq.campaign.statistics import Breakdown, by_component
+from uq.campaign.statistics import Breakdown, ByTrajectory, by_component
 
 
 @dataclass(frozen=True, repr=False)

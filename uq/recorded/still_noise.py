@@ -15,8 +15,7 @@ from identify.signals.run import RunError, refuse_excess
 from identify.signals.segments import Segment, still
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
-from uq.files.plain_values import plain_values
-from uq.files.provenance import provenance
+from uq.files.provenance import plain_values, provenance
 from uq.recorded.declared_channels import declared
 from uq.recorded.message_times import in_order, instants
 from uq.sources.kinds.coloured import UNITS

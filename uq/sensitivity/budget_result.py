@@ -7,7 +7,7 @@ from io import StringIO
 from typing import Any
 
 from identify.reporting import Result, plain
-from uq.campaign.by_trajectory import ByTrajectory
+from uq.campaign.statistics import ByTrajectory
 from uq.sensitivity.budget_shares import SourceBudget
 
 

@@ -7,7 +7,7 @@ from rig.exceptions import listed, quoted
 from uq.files.changed_document import with_keys
 from uq.files.mistakes import ExperimentError
 from uq.sources.source import KINDS, Source
-from uq.sources.source_width import WIDTHS
+from uq.sources.source_table import WIDTHS
 
 OF_ANOTHER_WIDTH = ("distribution", "degrees_of_freedom", "unit")
 """Keys beside a width that is replaced by one of another kind, such as a datasheet's statement by a sigma."""

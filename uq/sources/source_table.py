@@ -1,20 +1,171 @@
-"""``[[source]]`` of an experiment file -> sources, and with ``[[correlation]]`` what is correlated."""
+"""``[[source]]`` of an experiment file and of those that it includes -> sources with the distributions of their draws.
 
+With ``[[correlation]]`` also what is correlated.
+"""
+
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from rig.exceptions import quoted
+from rig.exceptions import RigError, quoted
+from rig.read_limits import require_file
 from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
+from uq.files.document import read_document
 from uq.files.mistakes import ExperimentError
+from uq.files.units import UnitError, scale
 from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, check_correlation, link_of, mixing_of
-from uq.sources.distributions import Normal
+from uq.sources.datasheet import datasheet
+from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
 from uq.sources.draws import Mixing, stream_number
 from uq.sources.source import KINDS, ErrorKind, Source
-from uq.sources.source_keys import source_table
-from uq.sources.source_width import Width, width_of
+from uq.sources.source_figures import part_of
+from uq.sources.source_keys import DrawTable, source_table
+
+WAYS = ("distribution", "degrees_of_freedom", "datasheet", "samples", "unit")
+WIDTHS = ("sigma", "half_width", "scale", "datasheet", "samples")
+MOST_ROWS = 100_000
+"""Rows of a file of samples."""
+
+
+class Width(NamedTuple):
+    """Distribution of a source's draw ``mean + sigma * shape``."""
+
+    sigma: np.ndarray
+    mean: np.ndarray
+    shape: Distribution
+
+
+def width_of(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
+    """Return the distribution of a source that is drawn.
+
+    Args:
+        table: its keys, a :class:`DrawTable` with :func:`draw_keys`.
+        kind: of the source.
+        target: what errs.
+        folder: where files of samples are.
+
+    Raises:
+        WrongKeyError: keys that do not go together, or a file of samples that cannot be used.
+    """
+    given = [key for key in WIDTHS if getattr(table, key) is not None]
+    if len(given) > 1:
+        raise WrongKeyError(given[0], "leave one out", f"and {given[1]} both state the width")
+    by_key = {"datasheet": _from_datasheet, "samples": _from_samples}
+    width = by_key.get(given[0] if given else "", _from_keys)(table, kind, target, folder)
+    stated = getattr(table, "mean", None)
+    mean = width.mean if stated is None else width.mean + kind.placed(stated, table.full_scale)
+    return Width(np.asarray(width.sigma), np.zeros(kind.shape) if kind.noise else np.asarray(mean), width.shape)
+
+
+def _refuse_others(table: Any, *keys: str) -> None:
+    """Refuse what has no meaning beside the way in which the width is stated."""
+    for key in (*WAYS, "half_width", "scale", "full_scale"):
+        if getattr(table, key) is not None and key not in keys:
+            raise WrongKeyError(key, "leave it out", "has no meaning here")
+
+
+def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
+    distribution = table.distribution or "normal"
+    if distribution == "samples":
+        raise WrongKeyError("samples", "name the file")
+    key, ratio, nu = "sigma", 1.0, _freedom(table, needed=distribution == "student_t")
+    shape: Distribution = Normal(0.0, 1.0, nu)
+    if distribution == "student_t":
+        key, shape = "scale", StudentT(0.0, 1.0, nu)
+    elif distribution != "normal":
+        bounded: Any = BETWEEN_LIMITS[distribution]
+        shape = bounded(-bounded.ratio, bounded.ratio, nu)
+        key, ratio = ("half_width", bounded.ratio) if table.half_width is not None else ("sigma", 1.0)
+    figure = getattr(table, key)
+    if figure is None and table.half_width is not None:
+        advice = f'add distribution = "rectangular", or another of {", ".join(BETWEEN_LIMITS)}'
+        raise WrongKeyError(key, advice, "is missing, and half_width belongs to a distribution between limits")
+    if figure is None:
+        raise WrongKeyError(key, "add it")
+    in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()
+    _refuse_others(table, key, "distribution", "degrees_of_freedom", *in_full_scale)
+    return Width(kind.placed(figure, table.full_scale) / ratio, np.zeros(kind.shape), shape)
+
+
+def _freedom(table: DrawTable, *, needed: bool) -> float:
+    freedom = table.degrees_of_freedom
+    if freedom is None and needed:
+        raise WrongKeyError("degrees_of_freedom", "add it")
+    if freedom is not None and freedom <= 0:
+        raise WrongKeyError("degrees_of_freedom", "write more than zero")
+    return np.inf if freedom is None else freedom
+
+
+def _from_datasheet(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
+    """One statement for all axes, or one for each."""
+    for key in ("distribution", "degrees_of_freedom"):
+        if getattr(table, key) is not None:
+            raise WrongKeyError(key, "leave it out", "is said by the datasheet's figure")
+    _refuse_others(table, "datasheet", "full_scale")
+    wholes, unit = kind.wholes(target, table.full_scale), kind.targets[target]
+    texts = table.datasheet if isinstance(table.datasheet, tuple) else (table.datasheet,) * len(wholes)
+    if len(texts) != len(wholes):
+        raise WrongKeyError("datasheet", "write one statement, or one for each axis")
+    reading = 100.0 if unit == "%" else None
+    try:
+        stated = [datasheet(t, unit, full_scale=w, reading=reading) for t, w in zip(texts, wholes, strict=True)]
+    except UnitError as error:
+        raise WrongKeyError("datasheet", "", str(error)) from None
+    scales, shapes = zip(*map(_standard, stated), strict=True)
+    if len({(type(shape), float(shape.degrees_of_freedom)) for shape in shapes}) > 1:
+        raise WrongKeyError("datasheet", "write a source for each", "states several distributions")
+    sigma = kind.placed(np.array(scales) * part_of(unit), table.full_scale)
+    return Width(sigma, np.zeros(kind.shape), shapes[0])
+
+
+def _standard(distribution: Distribution) -> tuple[float, Distribution]:
+    """Scale and shape of a distribution about zero."""
+    if isinstance(distribution, StudentT):
+        return float(distribution.scale), StudentT(0.0, 1.0, distribution.degrees_of_freedom)
+    shape: Distribution = Normal(0.0, 1.0)
+    if isinstance(distribution, Bounded):
+        shape = type(distribution)(-distribution.ratio, distribution.ratio)
+    return float(distribution.standard_deviation), shape
+
+
+def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
+    if table.distribution != "samples":
+        problem = None if table.distribution is None else 'is not "samples" but samples are given'
+        raise WrongKeyError("distribution", "leave one out" if problem else "add it", problem)
+    _refuse_others(table, "samples", "distribution", "unit")
+    if table.unit is None:
+        raise WrongKeyError("unit", "add it")
+    rows, axes = _read_samples(table, folder), math.prod(kind.shape)
+    if rows.shape[1] not in (1, axes):
+        raise WrongKeyError("samples", f"give 1, or {axes}, one an axis", f"has {rows.shape[1]} columns")
+    try:
+        rows = rows * (scale(table.unit, kind.targets[target]) * part_of(kind.targets[target]))
+    except UnitError as error:
+        raise WrongKeyError("unit", "", str(error)) from None
+    mean, sigma = rows.mean(axis=0), rows.std(axis=0)
+    standard = (rows - mean) / np.where(sigma > 0, sigma, 1)
+    shape = Empirical(standard if standard.shape[1] > 1 else standard[:, 0])
+    sigma, mean = (np.broadcast_to(value, axes).reshape(kind.shape).copy() for value in (sigma, mean))
+    return Width(sigma, mean, shape)
+
+
+def _read_samples(table: Any, folder: Path) -> np.ndarray:
+    try:
+        require_file(folder / table.samples)
+        text = (folder / table.samples).read_text("utf-8")
+    except (OSError, UnicodeDecodeError, ValueError):
+        raise WrongKeyError("samples", "not a readable file beside the experiment; correct the name") from None
+    lines = [line.split("#")[0].replace(",", " ").split() for line in text.splitlines()]
+    try:
+        rows = np.array([[float(item) for item in line] for line in lines if line])
+    except ValueError:
+        raise WrongKeyError("samples", "write numbers, the same count in every line") from None
+    if rows.ndim != 2 or not 2 <= len(rows) <= MOST_ROWS or not np.isfinite(rows).all():
+        raise WrongKeyError("samples", f"give 2 to {MOST_ROWS:,} lines of finite numbers")
+    return rows
 
 
 class WrittenSource(NamedTuple):
@@ -105,3 +256,54 @@ def _check_names(sources: list[Source]) -> None:
             raise ExperimentError(f"'{name}' names a source and a group: rename one")
         if (other := streams[stream_number(name)]) != name:
             raise ExperimentError(f"sources '{name}' and '{other}' have one random stream: rename one")
+
+
+SAMPLES = "samples"
+"""Key of a source that names a file, beside the one in which it stands."""
+
+
+def with_included(document: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return the content of an experiment with the sources of the files that it includes, and without ``include``.
+
+    Args:
+        document: content of an experiment file.
+        folder: of that file, from which the paths count.
+
+    Raises:
+        ExperimentError: a file is missing, is no TOML or holds more than sources, or a source stands in two files.
+    """
+    paths = document.get("include", [])
+    if not isinstance(paths, list | tuple) or not all(isinstance(path, str) for path in paths):
+        raise ExperimentError(f'include is {quoted(str(paths))}: write a list of files, include = ["sources.toml"]')
+    sources = list(document.get("source", [])) if isinstance(document.get("source", []), list | tuple) else []
+    origin = {source.get("name"): "the experiment" for source in sources if isinstance(source, Mapping)}
+    for path in paths:
+        for source in _sources(path, folder):
+            name = source.get("name")
+            if name in origin:
+                raise ExperimentError(
+                    f"source {quoted(str(name))} is declared twice, in {origin[name]} and in {path}: keep one"
+                )
+            origin[name] = path
+            sources.append(source)
+    others = {key: value for key, value in document.items() if key != "include"}
+    return {**others, "source": sources} if paths else others
+
+
+def _sources(path: str, folder: Path) -> list[dict[str, Any]]:
+    """The sources of a file; those that name a file beside theirs name it from the experiment's folder."""
+    try:
+        document, _ = read_document(folder / path, "a file of [[source]] tables")
+    except (OSError, RigError):
+        raise ExperimentError(f"no file {quoted(path)}, which include names: `inertia noise -o` writes one") from None
+    sources = document.pop("source", [])
+    if (
+        document
+        or not sources
+        or not isinstance(sources, list)
+        or not all(isinstance(source, dict) for source in sources)
+    ):
+        what = ", ".join(sorted(document)) or "no [[source]]"
+        raise ExperimentError(f"{path} holds {what}: a file that include names holds [[source]] tables alone")
+    below = Path(path).parent
+    return [s | {SAMPLES: str(below / s[SAMPLES])} if isinstance(s.get(SAMPLES), str) else s for s in sources]

@@ -5,6 +5,7 @@ import argparse
 from rig.exceptions import quoted
 from uq.files.mistakes import ExperimentError
 from uq.files.units import UnitError, quantity
+from uq.terminal.command_parser import CommandParser
 
 
 def whole_number(text: str) -> int:
@@ -43,17 +44,17 @@ class _Limit(argparse.Action):
         setattr(namespace, self.dest, limits)
 
 
-def add_window_options(parser: argparse.ArgumentParser, without: str = "the segments that move are found") -> None:
+def add_window_options(parser: CommandParser, without: str = "the segments that move are found") -> None:
     """Add ``--from`` and ``--to``, repeatable; :mod:`uq.recorded.time_window` reads ``limits``."""
     for option, what in (("--from", "start"), ("--to", "end")):
-        parser.add_argument(
-            option, dest="limits", action=_Limit, default=(), metavar="S",
-            help=f"{what} of a part of the run that counts: seconds from the run's start, or a mark's name; "
+        parser.value(
+            option, "S", dest="limits", action=_Limit, default=(),
+            text=f"{what} of a part of the run that counts: seconds from the run's start, or a mark's name; "
             f"repeatable (without it, {without})",
         )  # fmt: skip
 
 
-def add_campaign_options(parser: argparse.ArgumentParser, ways: argparse._ActionsContainer | None = None) -> None:
+def add_campaign_options(parser: CommandParser, ways: argparse._ActionsContainer | None = None) -> None:
     """Add the options of a campaign; ``ways`` is the group of the ways to draw, where there are others."""
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     (ways or parser).add_argument(
@@ -63,6 +64,4 @@ def add_campaign_options(parser: argparse.ArgumentParser, ways: argparse._Action
         "--dtype", choices=("float64", "float32"), default="float64",
         help="precision of the samples that are drawn (float64)",
     )  # fmt: skip
-    parser.add_argument(
-        "--out", metavar="DIR", help="folder for result.json, report.html and the figures; the run can be resumed"
-    )
+    parser.value("--out", "DIR", "folder for result.json, report.html and the figures; the run can be resumed")

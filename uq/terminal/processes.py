@@ -9,24 +9,24 @@ from pathlib import Path
 
 from rig.exceptions import on_one_line, quoted
 from uq.files.mistakes import MISTAKES, ExperimentError
+from uq.terminal.command_parser import CommandParser
 from uq.terminal.options import whole_number
 from uq.terminal.watchdog import LOST, patient, say_met
 from uq.trials import distributed as cluster
 
 
-def add_cluster_options(parser: argparse.ArgumentParser) -> None:
+def add_cluster_options(parser: CommandParser) -> None:
     """Add ``--distributed`` and what it needs where no cluster is detected."""
-    parser.add_argument(
-        "--distributed", action="store_true",
-        help="one of several processes that share the trials; found by the cluster's own environment, or stated:",
-    )  # fmt: skip
-    parser.add_argument("--coordinator", metavar="HOST:PORT", help="address at which the first process listens")
-    parser.add_argument("--processes", type=whole_number, metavar="N", help="number of processes")
-    parser.add_argument("--process", type=whole_number, metavar="I", help="number of this process, from 0")
-    parser.add_argument(
-        "--patience", type=whole_number, metavar="S",
-        help=f"seconds to wait for the others at the start ({cluster.PATIENCE})",
-    )  # fmt: skip
+    parser.switch(
+        "--distributed",
+        "one of several processes that share the trials; found by the cluster's own environment, or stated:",
+    )
+    parser.value("--coordinator", "HOST:PORT", "address at which the first process listens")
+    parser.value("--processes", "N", "number of processes", type=whole_number)
+    parser.value("--process", "I", "number of this process, from 0", type=whole_number)
+    parser.value(
+        "--patience", "S", f"seconds to wait for the others at the start ({cluster.PATIENCE})", type=whole_number
+    )
 
 
 @contextlib.contextmanager

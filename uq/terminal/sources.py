@@ -1,6 +1,5 @@
 """Choice of the sources that count: ``--without``, and an earlier result's note of those beyond the law."""
 
-import argparse
 import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,13 +10,14 @@ import numpy as np
 from rig.read_limits import parse_json
 from uq.experiment.experiment import Experiment
 from uq.propagation.beyond_the_law import BeyondLawError
+from uq.terminal.command_parser import CommandParser
 
 
-def add_without_option(parser: argparse.ArgumentParser) -> None:
+def add_without_option(parser: CommandParser) -> None:
     """Add ``--without``; :meth:`uq.experiment.experiment.Experiment.without_source` takes ``without``."""
-    parser.add_argument(
-        "--without", action="append", default=[], metavar="SOURCE",
-        help="leave out a source, by its name or kind, such as coloured; repeatable",
+    parser.value(
+        "--without", "SOURCE", action="append", default=[],
+        text="leave out a source, by its name or kind, such as coloured; repeatable",
     )  # fmt: skip
 
 

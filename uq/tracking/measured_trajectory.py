@@ -7,8 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Trajectory
-from identify.motion.window import Scalar
+from identify.motion.trajectory import Scalar, Trajectory
 from identify.signals.filters import lowpass
 from identify.signals.run import Run
 from uq.experiment.experiment import TrajectorySpec

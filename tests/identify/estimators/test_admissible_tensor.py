@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from identify.estimators.admissible_range import Data, ends, nearest
-from identify.estimators.admissible_tensor import admissible, distance_from_bodies, fit, margin
+from identify.estimators.admissible_tensor import Data, admissible, distance_from_bodies, ends, fit, margin, nearest
 from identify.rigid_body.inertia import parallel_axis, unpack
 from identify.rigid_body.principal_axes import is_admissible
 from identify.rigid_body.pseudo_inertia import free_of, log_cholesky, of_second_moment, pseudo_inertia, second_moment

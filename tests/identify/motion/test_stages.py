@@ -9,7 +9,7 @@ import pytest
 
 from identify.motion.attitude import attitude
 from identify.motion.phase_patterns import patterns
-from identify.motion.window import swell
+from identify.motion.trajectory import swell
 from identify.rigid_body.rotation import exponential
 from tests.helpers.multisines import DURATION, RAMP, staged_multisine
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.exceptions import RunError
-from identify.motion.trajectory import Trajectory
-from identify.motion.window import step
+from identify.motion.trajectory import Trajectory, step
 from identify.rigid_body.rotation import exponential
 
 

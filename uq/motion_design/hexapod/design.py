@@ -50,25 +50,18 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Shown):
-    """A designed trajectory, what it promises, and what limits it."""
+class Design(Shown, PredictedTrajectory):
+    """A designed trajectory, a Multisine, what it promises, and what limits it.
+
+    Where no design beat the reference it is the reference itself.
+    """
 
     experiment: Experiment
     """Experiment for which the trajectory was designed."""
-    spec: TrajectorySpec
-    """The designed trajectory, a Multisine; the reference itself where no design beat it."""
-    reference: TrajectorySpec
+    reference: PredictedTrajectory
     """Trajectory for comparison, at the size and speed that promise most under the same limits."""
     limits: Limits
     """Limits of the rig in SI."""
-    expanded: np.ndarray
-    """Predicted 3σ of each component with the designed trajectory [kg·m²]."""
-    expanded_reference: np.ndarray
-    """Predicted 3σ of each component with the reference [kg·m²]."""
-    mean_error: np.ndarray
-    """Predicted mean error of each component with the designed trajectory [kg·m²]."""
-    mean_error_reference: np.ndarray
-    """Predicted mean error of each component with the reference [kg·m²]."""
     bound: DesignBound | None
     """Lower bound that no motion under these limits can beat; None: the limits do not give one."""
     peaks: list[Peak]
@@ -88,7 +81,7 @@ class Design(Shown):
     @property
     def improved(self) -> bool:
         """Whether a design beat the reference."""
-        return self.spec is not self.reference
+        return self.spec is not self.reference.spec
 
 
 @explains_names
@@ -165,10 +158,9 @@ def design(
         candidates += [] if designed is None else [designed]
     best = min(candidates, key=lambda candidate: candidate.measured_by(measure))
     return Design(
-        experiment=experiment, spec=best.spec, reference=to_beat.spec, limits=limits, expanded=best.expanded,
-        expanded_reference=to_beat.expanded, mean_error=best.mean_error, mean_error_reference=to_beat.mean_error,
+        **vars(best), experiment=experiment, reference=to_beat, limits=limits, starts=ends, objective=objective,
         bound=design_bound(experiment, to_beat.spec, limits), peaks=uses(experiment, best.spec, limits, fine),
-        starts=ends, band=min(best.spec.trajectory.highest_frequency, limits.bandwidth), objective=objective,
+        band=min(best.spec.trajectory.highest_frequency, limits.bandwidth),
     )  # fmt: skip
 
 

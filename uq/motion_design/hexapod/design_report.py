@@ -119,9 +119,9 @@ class DesignReport(MotionReport):
                 for name, breakdown in self.laws.items()
             },
             "promised_three_sigma": by_component(GRAM_METRE * design.expanded),
-            "promised_three_sigma_reference": by_component(GRAM_METRE * design.expanded_reference),
+            "promised_three_sigma_reference": by_component(GRAM_METRE * design.reference.expanded),
             "promised_mean_error": by_component(GRAM_METRE * design.mean_error),
-            "promised_mean_error_reference": by_component(GRAM_METRE * design.mean_error_reference),
+            "promised_mean_error_reference": by_component(GRAM_METRE * design.reference.mean_error),
             "bound": {goal: None if least is None else GRAM_METRE * least for goal, least in self.bound.items()},
             "bound_relaxes": [] if design.bound is None else list(design.bound.relaxes),
             "limits": [
@@ -155,7 +155,7 @@ def design_report(
     experiment = design.experiment
     files = designed_files(experiment, design.spec, design.band)
     compared = {name: experiment.trajectories[name] for name in BESIDE if name in experiment.trajectories}
-    specs = {NAME: design.spec, "reference": design.reference, **compared}
+    specs = {NAME: design.spec, "reference": design.reference.spec, **compared}
     bands = {name: design.band if name == NAME else spec.trajectory.highest_frequency for name, spec in specs.items()}
     laws = {}
     for number, (name, spec) in enumerate(specs.items()):

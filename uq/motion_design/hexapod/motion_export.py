@@ -5,7 +5,6 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,8 +13,8 @@ import numpy as np
 from identify.motion.euler_angles import ORDER
 from identify.motion.leg_limits import leg_lengths
 from identify.motion.stewart_platform import Pose
-from identify.reporting import Result
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.files.output_folder import FilesResult
 from uq.motion_design.commanded import PlatformCommand
 from uq.motion_design.motion_formats import MotionFile, formats, written
 from uq.planning.platform_run import motion_at
@@ -31,7 +30,7 @@ MEANING = {
 
 
 @dataclass(frozen=True, repr=False)
-class MotionExport(Result):
+class MotionExport(FilesResult):
     """Files of one motion, read back and checked, not yet written.
 
     Example: ``export_motion(experiment, experiment.trajectories["T1"]).write("folder")``.
@@ -49,20 +48,6 @@ class MotionExport(Result):
     """Duration of what is exported [s]."""
     name: str = "motion"
     provenance: Mapping[str, Any] = field(default_factory=dict)
-
-    def files(self) -> dict[str, bytes]:
-        """Return the files' bytes by name."""
-        return dict(self.contents)
-
-    def write(self, folder: str | Path) -> None:
-        """Write the files into a folder, all or none; a file of the same name is replaced.
-
-        Raises:
-            OSError: the folder cannot be made or written.
-        """
-        from uq.files.output_folder import place
-
-        place(self.contents, Path(folder))
 
     def records(self) -> list[dict[str, Any]]:
         """Return bytes of each file, and how far it is from the motion: position [m] or attitude [rad]."""

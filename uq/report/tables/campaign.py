@@ -58,7 +58,7 @@ def notes(result: MonteCarloResult) -> list[str]:
 
 def drawings(result: MonteCarloResult) -> list[Drawing]:
     """Return a figure of each trajectory and estimator."""
-    return breakdown_drawings({pair: result[pair] for pair in result.pairs()})
+    return breakdown_drawings(result)
 
 
 def section(result: MonteCarloResult) -> Section:
@@ -69,14 +69,9 @@ def section(result: MonteCarloResult) -> Section:
         result, title="Monte Carlo of an inertia tensor", computed=[computed(result), INDEX],
         findings=result.findings(), tables=[*(pairs if few else shown[:1]), *shown[2:]],
         details=[*(shown[:2] if few else shown[1:2]), *details(result)],
-        assumptions=[*METHOD, *source_assumptions(result.provenance)], verdict=verdict(result),
+        assumptions=[*METHOD, *source_assumptions(result.provenance)], verdict=verdict_on_mean_errors(result),
         headline=len(pairs) if few else 1,
     )  # fmt: skip
-
-
-def verdict(result: MonteCarloResult) -> str:
-    """Return in a sentence whether mean errors exceed their dispersion."""
-    return verdict_on_mean_errors({pair: result[pair].total for pair in result.pairs()})
 
 
 def computed(result: MonteCarloResult) -> str:

@@ -8,7 +8,7 @@ from identify.reporting import Drawing, stem
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import finest, fixed, significant, with_uncertainty
 from identify.text_tables import Table
-from uq.campaign.statistics import Breakdown, OfCase, large_mean_error
+from uq.campaign.statistics import Breakdown, ByTrajectory, OfCase, large_mean_error
 from uq.propagation.law_result import LawStatistics
 from uq.report.drawing import drawing
 from uq.report.figures.style import LINES
@@ -108,11 +108,11 @@ def breakdown_table(
     return case_table(caption, ("alone",), cases, unit=unit, last=("share %",), note=note)
 
 
-def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown], how: str = "") -> list[Drawing]:
+def breakdown_drawings(result: ByTrajectory[Breakdown], how: str = "") -> list[Drawing]:
     """Return a figure of each trajectory and estimator: all errors together, each group and each source alone.
 
     Args:
-        breakdowns: by trajectory and estimator.
+        result: of a campaign or of the law.
         how: what their captions add, such as " by the law".
     """
 
@@ -123,14 +123,15 @@ def breakdown_drawings(breakdowns: Mapping[tuple[str, str], Breakdown], how: str
         caption = f"{', '.join(pair)}: 3σ and mean error of each component{how}, {parts_shown}. {ALONE}"
         return drawing(stem("breakdown", *pair), caption, "campaign.contributions", parts.cases, (*parts.groups,)[1:])
 
-    return [figure(pair, parts) for pair, parts in breakdowns.items()]
+    return [figure(pair, result[pair]) for pair in result.pairs()]
 
 
-def verdict_on_mean_errors(totals: Mapping[tuple[str, str], OfCase]) -> str:
+def verdict_on_mean_errors(result: ByTrajectory[Breakdown]) -> str:
     """Return with which estimators, on which trajectories, a mean error exceeds its 3σ."""
     named: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
-    for (trajectory, estimator), total in totals.items():
-        named[bool(large_mean_error("", total))].setdefault(estimator, []).append(trajectory)
+    for trajectory, estimator in result.pairs():
+        beyond_dispersion = bool(large_mean_error("", result[trajectory, estimator].total))
+        named[beyond_dispersion].setdefault(estimator, []).append(trajectory)
     beyond, within = (
         "; ".join(f"{estimator} ({', '.join(trajectories)})" for estimator, trajectories in named[which].items())
         for which in (True, False)

@@ -176,7 +176,7 @@ def design_tables(design: Design) -> list[Table]:
     """Return predicted 3σ and mean error of each component, of the design and of the reference, in g·m²."""
     figures = {
         "3σ, designed": design.expanded, "mean error, designed": design.mean_error,
-        "3σ, reference": design.expanded_reference, "mean error, reference": design.mean_error_reference,
+        "3σ, reference": design.reference.expanded, "mean error, reference": design.reference.mean_error,
     }  # fmt: skip
     return [case_table("", (), [((), [[name, *map(_figure, values)] for name, values in figures.items()])])]
 

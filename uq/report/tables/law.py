@@ -34,7 +34,7 @@ def notes(law: LawResult) -> list[str]:
 
 def drawings(law: LawResult) -> list[Drawing]:
     """Return a figure of each breakdown, named as the Monte Carlo's, which shows the same."""
-    return breakdown_drawings({pair: law[pair] for pair in law.pairs()}, " by the law")
+    return breakdown_drawings(law, " by the law")
 
 
 def section(law: LawResult) -> Section:
@@ -46,7 +46,7 @@ def section(law: LawResult) -> Section:
         details=[replace(alone, caption="Each group and source alone, by the law"), *source_tables(law.provenance)],
         assumptions=[ASSUMPTION, *source_assumptions(law.provenance)],
         adjustable=[] if law.adjustable is None else [law.adjustable()],
-        verdict=verdict_on_mean_errors({pair: law[pair].total for pair in law.pairs()}),
+        verdict=verdict_on_mean_errors(law),
     )  # fmt: skip
 
 

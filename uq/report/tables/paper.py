@@ -22,6 +22,7 @@ from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
 from uq.report.figures.style import display_name
 from uq.report.tables import campaign
+from uq.report.tables.cases import verdict_on_mean_errors
 
 
 def title(result: PaperResult) -> str:
@@ -79,7 +80,7 @@ def section(result: PaperResult) -> Section:
         computed=[SOURCE, campaign.computed(ours), campaign.INDEX], findings=ours.findings(),
         tables=_comparisons(result), details=[*ours.tables(), *campaign.details(ours)],
         assumptions=[*campaign.METHOD, *source_assumptions(ours.provenance), *PAPER_ASSUMPTIONS, *study],
-        provenance=ours.provenance, verdict=f"{_agreement(result)} {campaign.verdict(ours)}",
+        provenance=ours.provenance, verdict=f"{_agreement(result)} {verdict_on_mean_errors(ours)}",
         headline=len(result.estimators),
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from uq.motion_design.design_goal import GOALS, goal_of, principal_slope
 from uq.motion_design.hexapod.design import Design, design
 from uq.motion_design.hexapod.design_bound import RELAXED, design_bound
 from uq.motion_design.hexapod.design_search import Search
-from uq.motion_design.hexapod.reference_trajectory import differentiator, scaled, stretched
+from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory, differentiator, scaled, stretched
 from uq.motion_design.hexapod.rig_limits import efforts, largest_size, resolved_limits, uses
 from uq.motion_design.hexapod.search_starts import attenuation
 from uq.propagation.prediction import predicted
@@ -51,9 +51,11 @@ def designed(searched):
 
 
 def test_a_design_shows_its_figures_in_gram():
-    shown = object.__new__(Design)  # without the search
-    for k, name in enumerate(("expanded", "mean_error", "expanded_reference", "mean_error_reference")):
-        object.__setattr__(shown, name, np.full(6, 0.001 * (k + 1)))
+    shown, shown_reference = object.__new__(Design), object.__new__(PredictedTrajectory)  # without the search
+    object.__setattr__(shown, "reference", shown_reference)
+    for k, trajectory in enumerate((shown, shown_reference)):
+        object.__setattr__(trajectory, "covariance", np.diag(np.full(6, (0.001 * (2 * k + 1) / 3) ** 2)))
+        object.__setattr__(trajectory, "mean_error", np.full(6, 0.001 * (2 * k + 2)))
     lines = repr(shown).splitlines()
     assert [line.split("  ")[0] for line in lines[2:]] == [
         "3σ, designed", "mean error, designed", "3σ, reference", "mean error, reference",
@@ -87,7 +89,7 @@ def test_it_beats_the_reference_and_not_the_bound(designed):
     assert isinstance(designed, Design)
     assert designed.improved
     for components, least in (([0, 3, 5], designed.bound.moments), ([1, 2, 4], designed.bound.products)):
-        assert least < designed.expanded[components].mean() < designed.expanded_reference[components].mean()
+        assert least < designed.expanded[components].mean() < designed.reference.expanded[components].mean()
     assert designed.bound.relaxes == RELAXED
     assert designed.spec.trajectory.highest_frequency <= designed.band <= 3.0
 
