@@ -287,22 +287,16 @@ def margin(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]
     return float((values / spread).min())
 
 
-def distance_from_bodies(
-    inertia: Float[np.ndarray, "6"],
-    covariance: Float[np.ndarray, "6 6"],
-    seen: Float[np.ndarray, "k 6"] | None = None,
-) -> float:
+def distance_from_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.ndarray, "6 6"]) -> float:
     """Return how far the nearest body is, ``sqrt Q`` in standard uncertainties (Mahalanobis); 0 for a body's tensor.
 
     Args:
         inertia: a tensor [kg·m²].
         covariance: of it [(kg·m²)²]; a millionth of the tensor's size is added to what is exact.
-        seen: orthonormal directions in the space of packed tensors that the data determine; None: all.
     """
-    seen = np.eye(6) if seen is None else seen
-    if len(seen) == 6 and np.linalg.eigvalsh(second_moment(inertia)).min() >= 0:
+    if np.linalg.eigvalsh(second_moment(inertia)).min() >= 0:
         return 0.0
-    data = _data(inertia, _not_exact(inertia, covariance), seen)
+    data = _data(inertia, _not_exact(inertia, covariance), np.eye(6))
     return float(np.sqrt(max(data.distance(nearest(data)), 0.0)))
 
 

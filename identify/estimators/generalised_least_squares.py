@@ -31,10 +31,10 @@ from identify.estimators.run_information import (
 )
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
-from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
+from identify.signals.power_spectrum import correlation_time
 from identify.signals.run import Run
 from identify.sums.normal_equations import products
 from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum

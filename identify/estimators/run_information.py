@@ -15,11 +15,10 @@ from identify.estimators.excitation import Excitation, excitation
 from identify.estimators.gram import N_FEATURES, Sums, normal_equations
 from identify.estimators.offsets import Offsets, estimated, rested, resting
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
-from identify.signals.correlation_time import correlation_time
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
-from identify.signals.power_spectrum import noise_level, welch
+from identify.signals.power_spectrum import correlation_time, noise_level, welch
 from identify.signals.run import Run
 from identify.sums.residual_spectrum import leverage, spectrum
 from identify.sums.residual_trace import Trace, trace

@@ -7,14 +7,12 @@ value q and slope q̇ at its middle, ``omega = 2 vec(q* q̇) / |q|²`` in the bo
 import numpy as np
 from jaxtyping import Float
 
-from identify.signals.differentiate import fit_at_middle, highest_band, matched, savitzky_golay
+from identify.signals.differentiate import ORDER, fit_at_middle, highest_band, matched, savitzky_golay
 from identify.signals.power_spectrum import motion_band
 from identify.signals.run import RunError
 
 TOLERANCE = 1e-3
 """Departure of a quaternion's norm from 1 that counts as rounding."""
-ORDER = 4
-"""Degree of the fit."""
 
 
 def differentiator(
@@ -42,7 +40,7 @@ def differentiator(
             f"declare a band of the estimator, here at most {highest_band(rate):.2g} Hz"
         ) from None
     longest = (len(signal) - 1) // 8
-    return taps if len(taps) <= longest else savitzky_golay(rate, 2 * longest + 1, ORDER)
+    return taps if len(taps) <= longest else savitzky_golay(rate, 2 * longest + 1)
 
 
 def attitude_band(quaternion: Float[np.ndarray, "n 4"], rate: float, band: float | None) -> float | None:

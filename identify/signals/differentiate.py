@@ -11,6 +11,10 @@ from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array, ArrayT
 
+ORDER = 4
+"""Degree of the polynomials."""
+SHORTEST = ORDER // 2
+"""Fewest taps of a matched differentiator: half the window of as many points as the polynomial has coefficients."""
 LONGEST = 50_000
 """Most taps of a matched differentiator."""
 GAIN_TOLERANCE = 1e-4
@@ -22,21 +26,20 @@ def central_difference(rate: float) -> np.ndarray:
     return np.array([rate / 2])
 
 
-def savitzky_golay(rate: float, window: int, order: int = 4) -> np.ndarray:
+def savitzky_golay(rate: float, window: int) -> np.ndarray:
     """Return the taps of the Savitzky–Golay first derivative (doi:10.1021/ac60214a047).
 
     Args:
         rate: sample rate [Hz].
-        window: number of points of the fit, odd, more than ``order``.
-        order: degree of the polynomial.
+        window: number of points of the fit, odd, more than the degree.
 
     Raises:
-        ValueError: the window is even or too short for the order.
+        ValueError: the window is even or too short for the degree.
     """
     half = window // 2
-    if window % 2 == 0 or window <= order:
-        raise ValueError(f"Argument `window` must be odd and more than the order {order}, but is {window}.")
-    return fit_at_middle(half, order, derivative=1)[half + 1 :] * rate / half
+    if window % 2 == 0 or window <= ORDER:
+        raise ValueError(f"Argument `window` must be odd and more than the order {ORDER}, but is {window}.")
+    return fit_at_middle(half, ORDER, derivative=1)[half + 1 :] * rate / half
 
 
 def fit_at_middle(half: int, order: int, *, derivative: int = 0) -> np.ndarray:
@@ -61,47 +64,46 @@ def worst_gain(taps: np.ndarray, rate: float, band: float) -> float:
     return float(np.max(np.abs(gain(taps, rate, np.linspace(band / 200, band, 200)) - 1)))
 
 
-def _keeps_gain(rate: float, half: int, order: int, band: float) -> bool:
-    return worst_gain(savitzky_golay(rate, 2 * half + 1, order), rate, band) <= GAIN_TOLERANCE
+def _keeps_gain(rate: float, half: int, band: float) -> bool:
+    return worst_gain(savitzky_golay(rate, 2 * half + 1), rate, band) <= GAIN_TOLERANCE
 
 
 @functools.cache
-def matched(rate: float, band: float, order: int = 4) -> np.ndarray:
+def matched(rate: float, band: float) -> np.ndarray:
     """Return the longest Savitzky–Golay differentiator that keeps its gain within 1e-4 of jω over the band.
 
     Args:
         rate: sample rate [Hz].
         band: highest frequency of the motion [Hz].
-        order: degree of the polynomial.
 
     Raises:
         ValueError: the rate is too low for any smoothing at this band, or so high that no window is long enough.
     """
-    good = (order + 1 + order % 2) // 2  # half windows
-    if not _keeps_gain(rate, good, order, band):
+    good = SHORTEST  # half windows
+    if not _keeps_gain(rate, good, band):
         raise ValueError(
             f"Argument `rate` must be high enough to differentiate a motion of {band:g} Hz within {GAIN_TOLERANCE:g}, "
             f"but is {rate:g} Hz."
         )
     bad = 2 * good
-    while _keeps_gain(rate, bad, order, band):
+    while _keeps_gain(rate, bad, band):
         good, bad = bad, 2 * bad
         if good > LONGEST:
             raise ValueError(f"Argument `band` must be within a factor of {LONGEST:,} of the rate, but is {band:g} Hz.")
     while bad - good > 1:  # a longer window has always the larger error, up to the first that is too long
         middle = (good + bad) // 2
-        good, bad = (middle, bad) if _keeps_gain(rate, middle, order, band) else (good, middle)
-    best = savitzky_golay(rate, 2 * good + 1, order)
+        good, bad = (middle, bad) if _keeps_gain(rate, middle, band) else (good, middle)
+    best = savitzky_golay(rate, 2 * good + 1)
     best.flags.writeable = False  # all callers share it
     return best
 
 
-def highest_band(rate: float, order: int = 4) -> float:
+def highest_band(rate: float) -> float:
     """Return the highest band [Hz] for which :func:`matched` has a differentiator at a sample rate [Hz]."""
     low, high = 0.0, rate / 2
     for _ in range(20):
         middle = (low + high) / 2
-        low, high = (middle, high) if _keeps_gain(rate, (order + 1 + order % 2) // 2, order, middle) else (low, middle)
+        low, high = (middle, high) if _keeps_gain(rate, SHORTEST, middle) else (low, middle)
     return low
 
 

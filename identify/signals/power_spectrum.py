@@ -1,4 +1,4 @@
-"""Power spectra by Welch's method (doi:10.1109/TAU.1967.1161901), in NumPy; a signal's band and noise by them.
+"""Power spectra by Welch's method (doi:10.1109/TAU.1967.1161901), in NumPy; a signal's band, noise, correlation time.
 
 SciPy's own bring all of its statistics along, whose import takes longer than every spectrum of a run.
 """
@@ -82,3 +82,20 @@ def noise_level(*segments: np.ndarray) -> np.ndarray:
     if not differences:
         return np.zeros(3)
     return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)
+
+
+def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
+    """Return the integrated correlation time [samples] of the axis where it is longest, to the first zero crossing."""
+    return float(min(max(map(_correlation_time, signal.T), default=1.0), len(signal) / 4))
+
+
+def _correlation_time(values: Float[np.ndarray, " n"]) -> float:
+    """Return the integrated correlation time [samples] of one axis; 1 where it is constant zero."""
+    n = len(values)
+    size = scipy.fft.next_fast_len(2 * n - 1, real=True)
+    lines = np.fft.rfft(values, size)
+    correlation = np.fft.irfft(lines.real**2 + lines.imag**2, size)[:n]
+    if not correlation[0] > 0:
+        return 1.0
+    negative = np.flatnonzero(correlation <= 0)
+    return float(1 + 2 * correlation[1 : negative[0] if len(negative) else n].sum() / correlation[0])

@@ -18,6 +18,7 @@ MODEL, SERIAL, FIRMWARE, GET_FILTER, SET_RATE, GET_RATE, ONE, START, STOP = 1, 2
 KNOWN = frozenset([1, 2, 3, 6, 7, 8, 9, 10, 11, 15, 16, 18])
 LENGTH = 19
 FORCE_DIVISOR = 50.0
+FINE_DIVISOR = 2000.0
 RATES = {200: 0, 333: 6, 500: 7, 1000: 8}
 COARSE_MODELS = ("RFT82-HA02", "RFT80-6A01")  # torque in 1/1000 N·m; the others in 1/2000
 SAMPLE = struct.Struct(">6h")
@@ -35,13 +36,11 @@ def reply(number: int, data: bytes) -> bytes:
     return b"\x55" + body + bytes([sum(body) & 0xFF]) + b"\xaa"
 
 
-def encode(
-    values: tuple[float, ...], *, torque_divisor: float = 2000.0, overload: int = 0, number: int = START
-) -> bytes:
+def encode(values: tuple[float, ...], *, overload: int = 0) -> bytes:
     """A sample [N, N·m] as a reply, rounded to the sensor's resolution and limited to its range."""
-    scaled = [v * FORCE_DIVISOR for v in values[:3]] + [v * torque_divisor for v in values[3:]]
+    scaled = [v * FORCE_DIVISOR for v in values[:3]] + [v * FINE_DIVISOR for v in values[3:]]
     raw = [max(-32768, min(32767, round(v))) for v in scaled]
-    return reply(number, SAMPLE.pack(*raw) + bytes([overload]))
+    return reply(START, SAMPLE.pack(*raw) + bytes([overload]))
 
 
 def find_reply(data: bytes, number: int) -> bytes | None:
@@ -54,7 +53,7 @@ class RobotousParser(Parser):
 
     START = b"\x55"
 
-    def __init__(self, torque_divisor: float = 2000.0) -> None:
+    def __init__(self, torque_divisor: float = FINE_DIVISOR) -> None:
         super().__init__()
         self._divisor = torque_divisor
 
@@ -96,7 +95,7 @@ class Robotous(Device):
 
     def parser(self) -> RobotousParser:
         """A fresh parser with the torque scale of the model."""
-        return RobotousParser(1000.0 if self._model.startswith(COARSE_MODELS) else 2000.0)
+        return RobotousParser(1000.0 if self._model.startswith(COARSE_MODELS) else FINE_DIVISOR)
 
     def conversation(self) -> Conversation:
         """Stop, ask model, serial number, firmware, filter; set the rate and read it back; start."""

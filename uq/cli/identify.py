@@ -7,9 +7,8 @@ from identify.reporting import Result
 from uq.bodies import export_formats
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.identification.identify_files import identify_files
+from uq.identification.identify_files import identify_files, mounting_names
 from uq.identification.tare import check_tare, tare_files
-from uq.recorded.mounting import names
 from uq.recorded.time_window import windows_of_options
 from uq.report.certificate.certificate import Certificate
 from uq.terminal.command_parser import CommandParser
@@ -72,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_tare(arguments.tare, experiment, arguments.tare_centre)
     with output_folder(arguments.out) as out:
         choices = {name: getattr(arguments, name) for name in ("estimator", "offsets", "method")}
-        mountings = None if arguments.mounting is None else names(arguments.mounting)
+        mountings = None if arguments.mounting is None else mounting_names(arguments.mounting)
         result = identify_files(
             arguments.runs, experiment, windows=windows_of_options(arguments.limits), mountings=mountings,
             centre=arguments.centre, validate=arguments.validate, **choices,

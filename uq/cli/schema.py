@@ -43,7 +43,7 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
     from uq.sources.source import KINDS
-    from uq.sources.source_keys import DrawTable, SourceTable, source_table
+    from uq.sources.source_table import DrawTable, SourceTable, source_table
     from uq.tables.table_map import Map
 
     if file != "experiment":

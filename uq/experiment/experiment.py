@@ -38,11 +38,10 @@ from uq.files.document import in_file, read_document
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import plain_values
 from uq.files.schema import declared_table
-from uq.sources.changed_source import changed_source, without_sources
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.sources.source_table import sources_of, with_included
+from uq.sources.source_table import changed_source, sources_of, with_included, without_sources
 
 PRESETS = ("barreto2016",)
 BODY_NAME = re.compile(r"[A-Za-z0-9][\w-]{0,59}")

@@ -18,6 +18,7 @@ from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification
 from identify.results.residual_cause import ResidualCause
+from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
@@ -38,7 +39,6 @@ from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
 from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
-from uq.recorded.mounting import check_count, labelled
 from uq.recorded.time_window import TimeWindow, cut
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.source import KINDS, is_declared
@@ -79,7 +79,7 @@ def identify_files(
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.time_window.resolve`,
-            :func:`uq.recorded.gravity_compensation.undo`, :func:`uq.recorded.mounting.labelled`,
+            :func:`uq.recorded.gravity_compensation.undo`, :func:`labelled`,
             :func:`identify.identify` and :func:`uq.identification.systematic_errors.with_declared_sources`.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
@@ -205,7 +205,7 @@ def _alignment(experiment: Experiment) -> Alignment:
 def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     worst = int(np.argmin(repeats.probability))
     return Finding.REPEATABILITY.verdict(
-        "", axis=repeats.names[worst], share=float(repeats.ratio[worst]), text=repeats.text
+        "", axis=COMPONENTS[worst], share=float(repeats.ratio[worst]), text=repeats.text
     )
 
 
@@ -250,3 +250,44 @@ def _near(run: Run, chosen: Run) -> tuple[Segment, ...]:
     before = [rest for rest in rests if rest.stop < start][-1:]
     after = [rest for rest in rests if rest.start > stop][:1]
     return (*before, *(rest for rest in rests if rest.stop >= start and rest.start <= stop), *after)
+
+
+def mounting_names(text: str) -> tuple[str, ...]:
+    """Return the names of ``--mounting``, separated by commas.
+
+    Raises:
+        RunError: one of them is empty.
+    """
+    mountings = tuple(word.strip() for word in text.split(","))
+    if not all(mountings):
+        raise RunError(f"--mounting is '{text}': give a name for each run, separated by commas, such as A,A,B")
+    return mountings
+
+
+def check_count(mountings: Sequence[str] | None, runs: int) -> None:
+    """Refuse names of mountings that are not one a run.
+
+    Raises:
+        RunError: there are more or fewer.
+    """
+    if mountings is not None and len(mountings) != runs:
+        raise RunError(f"--mounting names {len(mountings)} mountings for {runs} runs: give one name a run")
+
+
+def labelled(runs: Sequence[Run], mountings: Sequence[str] | None) -> list[Run]:
+    """Return the runs with the names of their mountings.
+
+    Args:
+        runs: the runs, which may name their own.
+        mountings: one name a run; None: the runs' own.
+
+    Raises:
+        RunError: not one name a run, or some runs name their mounting and others do not.
+    """
+    if mountings is not None:
+        check_count(mountings, len(runs))
+        return [replace(run, mounting=name) for run, name in zip(runs, mountings, strict=True)]
+    silent = [run.name for run in runs if run.mounting is None]
+    if 0 < len(silent) < len(runs):
+        raise RunError(f"{silent[0]} does not name its mounting, others do: name one for every run by --mounting")
+    return list(runs)

@@ -31,7 +31,6 @@ class ScatterVerdict:
     repeats: int
     probability: np.ndarray
     """Two-sided probability of a ratio at least as far from one, if the prediction holds (chi-squared)."""
-    names: tuple[str, ...] = COMPONENTS
     level: float = LEVEL
 
     @property
@@ -42,8 +41,8 @@ class ScatterVerdict:
     @property
     def sign(self) -> np.ndarray:
         """Sign by component: 1 scatters more than predicted, −1 less, 0 neither; by Bonferroni over all."""
-        differs = self.probability * len(self.names) < self.level
-        return np.where(differs, np.sign(np.log(self.ratio, where=self.measured > 0, out=-np.ones(len(self.names)))), 0)
+        differs = self.probability * len(COMPONENTS) < self.level
+        return np.where(differs, np.sign(np.log(self.ratio, where=self.measured > 0, out=-np.ones(len(COMPONENTS)))), 0)
 
     @property
     def describes(self) -> bool:
@@ -62,7 +61,7 @@ class ScatterVerdict:
         components = [
             f"{name} ({significant(measured, 2)} against {significant(predicted, 2)})"
             for name, measured, predicted, has_sign in zip(
-                self.names, self.measured, self.predicted, self.sign == sign, strict=True
+                COMPONENTS, self.measured, self.predicted, self.sign == sign, strict=True
             )
             if has_sign
         ]
@@ -89,7 +88,6 @@ def scatter_verdict(
     predicted: Sequence[float | int] | np.ndarray,
     repeats: int,
     *,
-    names: Sequence[str] = COMPONENTS,
     level: float = LEVEL,
 ) -> ScatterVerdict:
     """Say whether the stated noise describes a rig's repeatability.
@@ -101,7 +99,6 @@ def scatter_verdict(
         measured: standard deviation s of the repeats, a value a component.
         predicted: standard deviation σ that the stated noise predicts for one repeat, in the same unit.
         repeats: how many there are, k.
-        names: of the components.
         level: chance that a true prediction is called false, over all components together (Bonferroni).
 
     Raises:
@@ -110,18 +107,17 @@ def scatter_verdict(
     s, sigma = np.asarray(measured, float), np.asarray(predicted, float)
     if repeats < 2:
         raise ValueError(f"Argument `repeats` must be 2 or more, but is {repeats}.")
-    if s.shape != sigma.shape or s.shape != (len(names),):
+    if s.shape != sigma.shape or s.shape != (len(COMPONENTS),):
         raise ValueError(
-            f"Arguments `measured` and `predicted` must have {len(names)} values, but have {s.shape} and {sigma.shape}."
+            f"Arguments `measured` and `predicted` must have {len(COMPONENTS)} values, but have {s.shape} and "
+            f"{sigma.shape}."
         )
     if not ((s >= 0) & np.isfinite(s)).all() or not ((sigma > 0) & np.isfinite(sigma)).all():
         raise ValueError("Argument `measured` must be zero or more and `predicted` above zero, and both finite.")
     statistic, freedom = (repeats - 1) * (s / sigma) ** 2, repeats - 1
     tails = np.minimum(scipy.special.chdtr(freedom, statistic), scipy.special.chdtrc(freedom, statistic))
-    return ScatterVerdict(
-        measured=s, predicted=sigma, repeats=repeats, probability=np.minimum(2 * tails, 1.0), names=tuple(names),
-        level=level,
-    )  # fmt: skip
+    probability = np.minimum(2 * tails, 1.0)
+    return ScatterVerdict(measured=s, predicted=sigma, repeats=repeats, probability=probability, level=level)
 
 
 def with_discordance(

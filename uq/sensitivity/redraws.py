@@ -6,6 +6,7 @@ regression ``G`` on the fixed ones (conditioning by kriging: Journel and Huijbre
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
@@ -72,29 +73,47 @@ def correlated(inputs: Mapping[str, Distribution], correlation: Correlation | No
     return Joint(names, jnp.asarray(matrix), jnp.asarray(eigenvectors * np.sqrt(np.maximum(eigenvalues, 0))))
 
 
-def outputs(
-    model: Model,
-    inputs: Mapping[str, Distribution],
-    joint: Joint | None,
-    fixed: Bool[np.ndarray, "rows inputs"],
-    *,
-    trials: int,
-    seed: int,
-    points: Points,
-) -> Float[np.ndarray, "trials rows outputs"]:
-    """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
-    net = None if points == "random" else sobol_points(2 * coordinates_of(inputs), trials, seed)
-    return _redrawn(_outputs, _Redrawn.of(model, inputs, joint, fixed, net), trials, seed, len(fixed))
+@dataclass(frozen=True)
+class Redraws:
+    """A model whose inputs are redrawn in each of some trials."""
 
+    model: Model
+    inputs: Mapping[str, Distribution]
+    joint: Joint | None
+    """Inputs that are correlated; None: there are none."""
+    trials: int
+    seed: int
+    points: Points
+    """Kind of points that the trials are drawn from."""
 
-def _redrawn(run: RunTrials, problem: "_Redrawn", trials: int, seed: int, rows: int) -> Any:
-    """Run trials of this many rows.
+    def outputs(self, fixed: Bool[np.ndarray, "rows inputs"]) -> Float[np.ndarray, "trials rows outputs"]:
+        """Return each trial's outputs, raveled, where each row keeps these inputs of the first draw."""
+        return self._run(_outputs, fixed, ranks=0, evaluations=len(fixed))
 
-    On one device, since batches of LAPACK's on two of one processor wait for ever. Models may call it (eigenvalues,
-    solutions of equations), and so do the regressions of correlated inputs.
-    """
-    batch = max(1, min(trials, AT_ONCE // rows))
-    return all_trials(run, problem, trials, seed, devices=jax.devices()[:1], batch=batch, segment=trials)
+    def walks(
+        self, holds: Bool[np.ndarray, "players inputs"]
+    ) -> tuple[Int[np.ndarray, "trials players"], Float[np.ndarray, "trials rows outputs"]]:
+        """Return each trial's random order of the players, and the outputs as one player after the other is redrawn.
+
+        The first of the players + 1 rows keeps all inputs, the last redraws all.
+        """
+        return self._run(_walks, holds, ranks=len(holds), evaluations=len(holds) + 1)
+
+    def _run(self, run: RunTrials, rows: np.ndarray, *, ranks: int, evaluations: int) -> Any:
+        """Run the trials, each of so many evaluations, with coordinates of the points for so many random ranks.
+
+        On one device, since batches of LAPACK's on two of one processor wait for ever. Models may call it (eigenvalues,
+        solutions of equations), and so do the regressions of correlated inputs.
+        """
+        net, coordinates = None, 2 * coordinates_of(self.inputs) + ranks
+        if self.points == "quasi-random":
+            net = sobol_points(coordinates, self.trials, self.seed)
+        distributions = tuple(self.inputs.values())
+        problem = _Redrawn(self.model, tuple(self.inputs), distributions, self.joint, jnp.asarray(rows), net)
+        batch = max(1, min(self.trials, AT_ONCE // evaluations))
+        return all_trials(
+            run, problem, self.trials, self.seed, devices=jax.devices()[:1], batch=batch, segment=self.trials
+        )
 
 
 class _Redrawn(Pytree):
@@ -108,15 +127,6 @@ class _Redrawn(Pytree):
     """Mask of the inputs that each row keeps; with walks, the inputs that each player holds."""
     net: SobolPoints | None
     """Points of quasi-random trials; None: trials are random."""
-
-    @classmethod
-    def of(
-        cls, model: Model, inputs: Mapping[str, Distribution], joint: Joint | None, rows: np.ndarray,
-        net: SobolPoints | None,
-    ) -> "_Redrawn":  # fmt: skip
-        """Return what a model is given, JAX's arrays."""
-        distributions = tuple(inputs.values())
-        return cls(model, tuple(inputs), distributions, joint, jnp.asarray(rows), net)
 
     @property
     def inputs(self) -> Listed:
@@ -133,24 +143,6 @@ def _outputs(problem: _Redrawn, key: Array, indices: Array) -> Float[Array, "tri
         return _evaluate(model, inputs, joint, pair, fixed, gains)
 
     return jax.vmap(of_trial)(indices)
-
-
-def walks(
-    model: Model,
-    inputs: Mapping[str, Distribution],
-    joint: Joint | None,
-    holds: Bool[np.ndarray, "players inputs"],
-    *,
-    trials: int,
-    seed: int,
-    points: Points,
-) -> tuple[Int[np.ndarray, "trials players"], Float[np.ndarray, "trials rows outputs"]]:
-    """Return each trial's random order of the players, and the outputs as one player after the other is redrawn.
-
-    The first of the players + 1 rows keeps all inputs, the last redraws all.
-    """
-    net = None if points == "random" else sobol_points(2 * coordinates_of(inputs) + len(holds), trials, seed)
-    return _redrawn(_walks, _Redrawn.of(model, inputs, joint, holds, net), trials, seed, len(holds) + 1)
 
 
 def _walks(problem: _Redrawn, key: Array, indices: Array) -> tuple[Array, Array]:

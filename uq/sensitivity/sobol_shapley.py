@@ -21,7 +21,7 @@ from uq.sensitivity.effects import (
     of_swapped_players,
     swapped_players,
 )
-from uq.sensitivity.redraws import Correlation, Model, correlated, outputs, walks
+from uq.sensitivity.redraws import Correlation, Model, Redraws, correlated
 from uq.sensitivity.subsets import MOST_PLAYERS
 from uq.sensitivity.variance_shares import Indices, closure, mean, plain_variance
 from uq.sources.distributions import Distribution
@@ -109,7 +109,7 @@ def sobol(
     """
     names, players = _players(inputs, groups, trials, points)
     fixed = _inputs_fixed(swapped_players(len(players)), players, len(inputs))
-    all_outputs = outputs(model, inputs, None, fixed, trials=trials, seed=seed, points=points)
+    all_outputs = Redraws(model, inputs, joint=None, trials=trials, seed=seed, points=points).outputs(fixed)
     good, _ = finite_trials(all_outputs)
     return _result(names, of_swapped_players(good), good, all_outputs, points)
 
@@ -150,15 +150,15 @@ def shapley(
     """
     names, players = _players(inputs, groups, trials, points)
     joint, k = correlated(inputs, correlation), len(players)
+    redraws = Redraws(model, inputs, joint=joint, trials=trials, seed=seed, points=points)
     if k > MOST_PLAYERS:
-        held = _inputs_held(players, len(inputs))
-        order, all_outputs = walks(model, inputs, joint, held, trials=trials, seed=seed, points=points)
+        order, all_outputs = redraws.walks(_inputs_held(players, len(inputs)))
         good, _ = finite_trials(all_outputs)
         order = order[np.isfinite(all_outputs).all(axis=(1, 2))]
         effects = of_permutations(good, order, correlated=joint is not None)
         return _result(names, effects, good[:, [0, -1]], all_outputs, points)
     fixed = _inputs_fixed(range(2**k), players, len(inputs))
-    all_outputs = outputs(model, inputs, joint, fixed, trials=trials, seed=seed, points=points)
+    all_outputs = redraws.outputs(fixed)
     good, _ = finite_trials(all_outputs)
     effects = of_all_subsets(good, [1 << p for p in range(k)], k, correlated=joint is not None)
     return _result(names, effects, good if joint is None else good[:, -1:], all_outputs, points)

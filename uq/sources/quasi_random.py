@@ -122,8 +122,6 @@ def standard_error(figures: Float[np.ndarray, "n *outputs"]) -> Float[np.ndarray
     return np.asarray(np.sqrt(np.square(figures - figures.mean(0)).sum(0) / (n * (n - 3))))
 
 
-def of_replicates(
-    figure: Callable[[np.ndarray], np.ndarray], trials: np.ndarray, replicates: int = REPLICATES
-) -> np.ndarray:
+def of_replicates(figure: Callable[[np.ndarray], np.ndarray], trials: np.ndarray) -> np.ndarray:
     """Return what a function says of each replicate's trials, which take turns on the leading axis."""
-    return np.stack([figure(trials[first::replicates]) for first in range(min(replicates, len(trials)))])
+    return np.stack([figure(trials[first::REPLICATES]) for first in range(min(REPLICATES, len(trials)))])

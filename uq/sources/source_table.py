@@ -1,20 +1,24 @@
 """``[[source]]`` of an experiment file and of those that it includes -> sources with the distributions of their draws.
 
-With ``[[correlation]]`` also what is correlated.
+With ``[[correlation]]`` also what is correlated; and sources of a file's content changed or left out.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
+import msgspec
 import numpy as np
 
-from rig.exceptions import RigError, quoted
+from rig.exceptions import RigError, listed, quoted
 from rig.read_limits import require_file
-from rig.toml_tables import TomlError, WrongKeyError, read_table, read_value
+from rig.toml_tables import Name, TomlError, TomlTable, WrongKeyError, read_table, read_value
+from uq.files.changed_document import with_keys
 from uq.files.document import read_document
 from uq.files.mistakes import ExperimentError
+from uq.files.schema import matrix
 from uq.files.units import UnitError, scale
 from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, check_correlation, link_of, mixing_of
 from uq.sources.datasheet import datasheet
@@ -22,7 +26,68 @@ from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empi
 from uq.sources.draws import Mixing, stream_number
 from uq.sources.source import KINDS, ErrorKind, Source
 from uq.sources.source_figures import part_of
-from uq.sources.source_keys import DrawTable, source_table
+
+
+class SourceTable(TomlTable, frozen=True, kw_only=True):
+    """``[[source]]``: a source of error; its other keys depend on target and kind."""
+
+    name: Name
+    """Name of the source in results and correlations, by which its random stream is keyed."""
+    group: Name
+    """Group in which the source counts, such as load_cell."""
+    reference: str = ""
+    """Publication or document from which the source's figures come."""
+
+
+class DrawTable(SourceTable, frozen=True, kw_only=True):
+    """Keys of a source that is drawn, to which each kind adds sizes in the unit of its target."""
+
+    distribution: Literal["normal", "rectangular", "triangular", "u_shaped", "student_t", "samples"] | None = None
+    """Distribution of the draw; missing: normal."""
+    degrees_of_freedom: float | None = None
+    """Degrees of freedom of the stated width; missing: infinite."""
+    datasheet: str | tuple[str, ...] | None = None
+    """A datasheet's statement, for all axes or one for each, such as "±0.5 % of full scale, k = 2"."""
+    samples: str | None = None
+    """Name of a file of samples beside the experiment."""
+    unit: str | None = None
+    """Name of the unit of a file of samples."""
+
+
+SIZES = {
+    "sigma": "Standard deviation of the draw.",
+    "half_width": "Half the width of a distribution between limits.",
+    "scale": "Scale of Student's t.",
+    "full_scale": "Full scale to which the per cent of a datasheet refer.",
+    "mean": "Expectation of the draw: a known effect that is not corrected.",
+    "correlation": "Correlation matrix of the draw's axes.",
+}
+"""Meaning of the keys that are in the unit of the erroneous quantity."""
+
+
+def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:
+    """Return the fields that a source of a kind adds to :class:`DrawTable`: those in the unit of its target."""
+    axes = math.prod(kind.shape)
+    forms = dict.fromkeys(("sigma", "half_width", "scale"), kind.figures(target, least=0))
+    forms |= {"full_scale": kind.full_scale(target)}
+    forms |= {} if kind.noise else {"mean": kind.figures(target)}
+    forms |= {"correlation": matrix(axes, axes)} if axes > 1 else {}
+    return [
+        (key, Annotated[np.ndarray, form, msgspec.Meta(description=SIZES[key])] | None, None)
+        for key, form in forms.items()
+    ]
+
+
+@cache
+def source_table(target: str, name: str) -> Any:
+    """Return the declaration of ``[[source]]`` for a kind of error on a target."""
+    kind = KINDS[target, name]
+    base, drawn = (DrawTable, draw_keys(kind, target)) if kind.constant or kind.white else (SourceTable, [])
+    hints = kind.keys(target).items()
+    undrawn = [(key, hint, None) if type(None) in get_args(hint) else (key, hint) for key, hint in hints]
+    keys = [("target", Literal[target]), ("kind", Literal[name]), *undrawn, *drawn]
+    return msgspec.defstruct(f"{target}_{name}", keys, bases=(base,), frozen=True, kw_only=True)
+
 
 WAYS = ("distribution", "degrees_of_freedom", "datasheet", "samples", "unit")
 WIDTHS = ("sigma", "half_width", "scale", "datasheet", "samples")
@@ -307,3 +372,50 @@ def _sources(path: str, folder: Path) -> list[dict[str, Any]]:
         raise ExperimentError(f"{path} holds {what}: a file that include names holds [[source]] tables alone")
     below = Path(path).parent
     return [s | {SAMPLES: str(below / s[SAMPLES])} if isinstance(s.get(SAMPLES), str) else s for s in sources]
+
+
+OF_ANOTHER_WIDTH = ("distribution", "degrees_of_freedom", "unit")
+"""Keys beside a width that is replaced by one of another kind, such as a datasheet's statement by a sigma."""
+
+
+def changed_source(entry: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a source's keys with others in their place.
+
+    A width, such as ``sigma``, takes the place of any other, such as ``datasheet``, and of the keys that go with that.
+    """
+    both = {**entry, **keys}
+    kind = KINDS.get((str(both.get("target")), str(both.get("kind"))))
+    is_vector = kind is not None and kind.shape == (3,)
+    before = {key for key in WIDTHS if key in entry}
+    left_out: dict[str, None] = {}
+    if before and set(keys) & set(WIDTHS) - before:
+        datasheet_keys = ("full_scale",) if is_vector and "datasheet" in before else ()
+        left_out = dict.fromkeys((*before, *OF_ANOTHER_WIDTH, *datasheet_keys))
+    return with_keys(entry, {**left_out, **keys})
+
+
+def without_sources(
+    document: Mapping[str, Any], sources: Sequence[Source], which: Sequence[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the content without the sources of some names or kinds and what correlates them, and their names.
+
+    A name may have spaces for its underscores, as tables print it.
+
+    Raises:
+        ExperimentError: no source has such a name or kind.
+    """
+    names_by_word: dict[str, list[str]] = {}
+    for source in sources:
+        for word in (source.name, source.kind):
+            names_by_word.setdefault(word.replace(" ", "_"), []).append(source.name)
+    left_out: dict[str, None] = {}
+    for wanted in which:
+        names = names_by_word.get(wanted.replace(" ", "_"))
+        if names is None:
+            named, kinds = (dict.fromkeys(getattr(s, key) for s in sources) for key in ("name", "kind"))
+            choices = f"choose a name of [[source]] ({listed(named)}) or a kind ({listed(kinds)})"
+            raise ExperimentError(f"no source to leave out has the name or kind {quoted(wanted)}: {choices}")
+        left_out |= dict.fromkeys(names)
+    links = [link for link in document.get("correlation", []) if not left_out.keys() & set(link["sources"])]
+    remaining = [source for source in document.get("source", []) if source["name"] not in left_out]
+    return with_keys(document, {"source": remaining, "correlation": links or None}), list(left_out)

@@ -28,6 +28,7 @@ from uq.motion_design.hexapod.design import Design, Start
 from uq.motion_design.hexapod.design_bound import DesignBound
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
+from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory
 from uq.motion_design.hexapod.rig_limits import efforts, uses
 from uq.report.figures.platform_scene import cuboid
 
@@ -58,20 +59,11 @@ def design(preset):
     motion = Multisine(np.array([0.6, 1.0, 1.6]), *amplitudes, np.array(SECONDS), np.array(3.0))
     spec = dataclasses.replace(given, still="omb", trajectory=motion)
     used = uses(experiment, spec, limits, 50.0)
+    reference = PredictedTrajectory(given, np.full(6, -2e-4), (2e-3 / 3) ** 2 * np.eye(6))
     return Design(
-        experiment,
-        spec,
-        given,
-        limits,
-        np.full(6, 1e-3),
-        np.full(6, 2e-3),
-        np.full(6, -1e-4),
-        np.full(6, -2e-4),
-        BOUND,
-        used,
-        [Start(0.7, 0.0, 9)],
-        2.0,
-    )
+        spec=spec, mean_error=np.full(6, -1e-4), covariance=(1e-3 / 3) ** 2 * np.eye(6), experiment=experiment,
+        reference=reference, limits=limits, bound=BOUND, peaks=used, starts=[Start(0.7, 0.0, 9)], band=2.0,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

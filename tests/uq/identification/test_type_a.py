@@ -12,9 +12,9 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
+from uq.identification.identify_files import labelled, mounting_names
 from uq.identification.run_scatter import pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
-from uq.recorded.mounting import labelled, names
 from uq.sources.source import Source
 
 
@@ -80,9 +80,9 @@ def test_the_command_says_what_is_wrong_with_mountings(tmp_path, capsys):
 
 def test_names_of_mountings_are_checked(short):
     run = simulate(dataclasses.replace(short, sources=()), "T1").run
-    assert names(" A, B ,A") == ("A", "B", "A")
+    assert mounting_names(" A, B ,A") == ("A", "B", "A")
     with pytest.raises(RunError, match="--mounting is 'A,,B': give a name for each run"):
-        names("A,,B")
+        mounting_names("A,,B")
     with pytest.raises(RunError, match="--mounting names 2 mountings for 1 runs: give one name a run"):
         labelled([run], ("A", "B"))
     other = dataclasses.replace(run, mounting="A")
