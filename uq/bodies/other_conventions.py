@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from identify.rigid_body.inertia import parallel_axis
+from identify.rigid_body.inertia import COMPONENTS, parallel_axis
 from identify.rigid_body.inertial_parameters import Tensor
 from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.reference import SIGNS, Reference
@@ -27,13 +27,16 @@ UNITS = {
 }  # fmt: skip
 """Factors on the figures for a unit that was written in place of another."""
 
+SLIPS = (-1.0, 10.0, 0.1, 100.0, 0.01, 1e3, 1e-3)
+"""Factors of a sign or of a decimal point."""
+
 
 @dataclass(frozen=True)
 class Suspicion:
     """A convention under which a deviation vanishes."""
 
     cause: str
-    """Kind of the convention: products, point, products and point, axes, or unit."""
+    """Kind of the convention: products, point, products and point, axes, unit, or slip."""
     text: str
     """Description of the convention in words, with what to change."""
     remaining: float
@@ -69,7 +72,11 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
         return ()
     before = _norm(measured.inertia - expected.inertia)
     candidates = []
-    report = [*_signs_and_points(reference), *_units(reference)] if reference.kind == "CAD report" else []
+    report = (
+        [*_signs_and_points(reference), *_units(reference), *_slips(reference)]
+        if reference.kind == "CAD report"
+        else []
+    )
     for candidate in (*report, *_axes(reference)):
         remaining = _norm(measured.inertia - candidate.tensor.inertia) / before
         within = (np.abs(normalised_error(measured, candidate.tensor)) <= 1).all()
@@ -121,6 +128,17 @@ def _units(reference: Reference) -> list[_Candidate]:
         )
         for factor, name in UNITS.items()
     ]
+
+
+def _slips(reference: Reference) -> list[_Candidate]:
+    """A single figure with another sign, or with its decimal point elsewhere."""
+    into, back = _map(reference.rotation), _map(reference.rotation.T)
+    candidates = []
+    for (k, name), factor in product(enumerate(COMPONENTS), SLIPS):
+        change = into @ np.diag(np.where(np.arange(6) == k, factor, 1.0)) @ back
+        text = f"its {name} is multiplied by {factor:g}: a slip of sign or decimal point?"
+        candidates.append(_Candidate("slip", text, _as_meant(reference, change, reference.about)))
+    return candidates
 
 
 def _as_meant(reference: Reference, change: np.ndarray, about: str) -> Tensor:

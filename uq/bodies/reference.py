@@ -101,12 +101,12 @@ class FrameTable(TomlTable, frozen=True, kw_only=True):
 class CadInertiaTable(TomlTable, frozen=True, kw_only=True):
     """The six components of a CAD report; products that are not written are zero."""
 
-    I11: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
+    I11: Annotated[UncertainQuantity, uncertain("kg*m^2")]
     I12: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
     I13: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
-    I22: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
+    I22: Annotated[UncertainQuantity, uncertain("kg*m^2")]
     I23: Annotated[UncertainQuantity, uncertain("kg*m^2")] = 0.0
-    I33: Annotated[UncertainQuantity, uncertain("kg*m^2", above=0)]
+    I33: Annotated[UncertainQuantity, uncertain("kg*m^2")]
 
 
 class CadTable(TomlTable, frozen=True, kw_only=True):

@@ -199,6 +199,16 @@ def test_a_wrong_unit_is_named(generator, unit, factor):
     assert unit.replace("*", "·").replace("^2", "²").replace("inch", "in") in one.text
 
 
+@pytest.mark.parametrize(("component", "factor"), [(3, -1.0), (0, 0.1), (2, 100.0)])
+def test_a_slip_of_sign_or_decimal_point_is_named(generator, component, factor):
+    """A negative moment is no body's, and compared all the same."""
+    slipped = written("CG", "tensor") * np.where(np.arange(6) == component, factor, 1.0)
+    (one,) = suspicions(measured(generator), cad(slipped))
+    assert one.cause == "slip"
+    name = ("I11", "I12", "I13", "I22")[component]
+    assert f"its {name} is multiplied by {1 / factor:g}" in one.text
+
+
 @pytest.mark.parametrize("products", ["tensor", "integral"])
 def test_of_a_diagonal_body_nothing_false_is_said(generator, products):
     """Signs of products that are zero, axes of a body of revolution, a point that is the CG: none can be told."""
