@@ -230,8 +230,7 @@ def _check(name: str, model: Model, beforehand: Prior, fit: RunSolution) -> None
 
 def _without_solution(name: str) -> RunError:
     return RunError(
-        f"the joint estimate of {name} does not converge: check signs, frames and what is declared of the "
-        "centre of gravity's motion, or use the method source"
+        f"the joint estimate of {name} does not converge: check signs, frames and cg_motion, or use the method source"
     )
 
 

@@ -18,6 +18,7 @@ from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
+from uq.trials import checkpoint
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,6 +37,8 @@ class Kind:
     text: bool = True
     behind: str = ""
     """What the command complains of once it has loaded an original; empty: of nothing."""
+    sealed: Callable[[bytes], bytes] = bytes
+    """Gives a mutated file the checksum of its content."""
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
@@ -50,7 +53,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
     run.write(folder / "run.mcap")
     packed, plain = (folder / "run.mcap").read_bytes(), _unchecked(folder)
     montecarlo(Experiment.load(folder / "e.toml"), trials=200, options=RunOptions(checkpoint=folder / "done"))
-    parts, heads = (tuple(p.read_bytes() for p in (folder / "done").glob(name)) for name in ("*.part", "campaign.json"))
+    parts, heads = (
+        tuple(p.read_bytes() for p in sorted((folder / "done").glob(name))[:1]) for name in ("*.part", "campaign.json")
+    )
     return {
         "experiment": Kind(
             ".toml",
@@ -61,6 +66,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
             )
             + ((ROOT / "uq" / "presets" / "barreto2016.toml").read_bytes(), brief),
             lambda name: ["inspect", "plain.mcap", "--experiment", name],
+        ),
+        "declared": Kind(
+            ".toml", (brief, *_declared(brief)), lambda name: ["identify", "run.mcap", "--experiment", name]
         ),
         "body": Kind(
             ".toml",
@@ -74,7 +82,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             lambda name: ["record", name, "--seconds", "0.1", "-o", "nowhere/run.mcap"],
             behind="no folder nowhere",
         ),
-        "map": Kind(".toml", (MAP,), lambda name: ["import", "table.csv", "--map", name, "-o", _fresh("made.mcap")]),
+        "map": Kind(".toml", MAPS, lambda name: ["import", "table.csv", "--map", name, "-o", _fresh("made.mcap")]),
         "table": Kind(
             ".csv", (_table(folder),), lambda name: ["import", name, "--map", "m.toml", "-o", _fresh("m.mcap")]
         ),
@@ -100,8 +108,8 @@ def kinds(folder: Path) -> dict[str, Kind]:
         ),
         "run": Kind(".mcap", (plain,), lambda name: ["identify", name, "--experiment", "e.toml"], text=False),
         "bag": Kind(".bag", (_bag(folder, ".bag"),), lambda name: ["inspect", name], text=False),
-        "urdf": Kind(".urdf", (_robot(folder),), _with_robot, text=False),
-        "checkpoint": Kind(".part", parts, lambda name: _resumed(name, "*.part"), text=False),
+        "urdf": Kind(".urdf", (_robot(folder),), _with_robot),
+        "checkpoint": Kind(".part", parts, lambda name: _resumed(name, "*.part"), text=False, sealed=_sealed),
         "campaign": Kind(".json", heads, lambda name: _resumed(name, "campaign.json")),
         "sqlite": Kind(".db3", (_bag(folder, ".db3"),), lambda name: ["inspect", name], text=False),
     }
@@ -121,6 +129,25 @@ angular_velocity_unit = "rad/s"
 wrench_rotation_to_body = "x, y, z"
 imu_rotation_to_body = "x, y, z"
 """
+OTHERS = (
+    ("on_body", "on_sensor"),
+    ('"s"', '"ms"'),
+    ('"N"', '"kN"'),
+    ("N*m", "N*mm"),
+    ("rad/s", "deg/s"),
+    ("x, y, z", "y, -x, z"),
+)
+"""Other conventions of a map."""
+MAPS = (MAP, *(MAP.replace(usual.encode(), other.encode()) for usual, other in OTHERS))
+
+
+def _declared(brief: bytes) -> list[bytes]:
+    """The same experiment with other methods and declarations of a recording."""
+    more = (
+        b'method = "gls"\noffsets = "none"', b'method = "joint"\ncg_motion = "still"\nsigma_delay = "1 ms"',
+        b'sigma_rotation = "2 deg"\noffsets = "none"',
+    )  # fmt: skip
+    return [brief.replace(b"[recording]", b"[recording]\n" + keys) for keys in more]
 
 
 def _fresh(name: str) -> str:
@@ -223,9 +250,20 @@ def _with_robot(name: str) -> list[str]:
     return ["identify", "arm", "--experiment", "arm.toml"]
 
 
+def _sealed(part: bytes) -> bytes:
+    """A part of a campaign with the checksum of what it holds, so that more than the checksum is tried."""
+    line, _, payload = part.partition(b"\n")
+    try:
+        header = json.loads(line)
+        del header["sha256"]
+    except (ValueError, KeyError, TypeError):
+        return part
+    return json.dumps(header | {"sha256": checkpoint._checksum(header, payload)}).encode() + b"\n" + payload
+
+
 def _resumed(name: str, place: str) -> list[str]:
     """A campaign that goes on from a folder in which one file is another."""
     shutil.rmtree("out", ignore_errors=True)
     shutil.copytree("done", "out/checkpoint")
-    shutil.copy(name, next(Path("out/checkpoint").glob(place)))
+    shutil.copy(name, min(Path("out/checkpoint").glob(place)))
     return ["montecarlo", "e.toml", "--trials", "200", "--out", "out"]

@@ -49,6 +49,9 @@ NO_SECOND = "mass and centre of gravity are without undeclared errors in all int
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
 
+LONGEST = 180
+"""Most characters of an error together with what is suspicious of the runs."""
+
 
 @explains_names
 def identify_files(
@@ -112,7 +115,10 @@ def identify_files(
     try:
         result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment, prior)
     except RunError as error:
-        raise RunError("; ".join([str(error), *suspicions(False)])) from None
+        more = "; ".join(suspicions(False))
+        if len(f"{error}{more}") > LONGEST:
+            more = "`inertia inspect --experiment` names suspicious conventions"
+        raise RunError("; ".join(filter(None, [str(error), more]))) from None
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
     suspicious = suspicions(aligned)

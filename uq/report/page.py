@@ -12,7 +12,7 @@ from zlib import Z_RLE
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identify.reporting import Drawing, Section
+from identify.reporting import Drawing, Section, plain
 from identify.text_tables import Table
 from rig.exceptions import on_its_lines
 from uq.report.certificate.front import number_of
@@ -158,8 +158,8 @@ def rendered(figure: "Figure", kind: str) -> bytes:
 
 
 def json_text(content: object) -> str:
-    """Return content as JSON for people to read, never with NaN."""
-    return on_its_lines(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
+    """Return content as JSON for people to read; a number that is not finite is null."""
+    return on_its_lines(json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _css_text(text: str) -> Markup:

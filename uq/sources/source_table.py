@@ -341,13 +341,13 @@ def with_included(document: Mapping[str, Any], folder: Path) -> Mapping[str, Any
     if not isinstance(paths, list | tuple) or not all(isinstance(path, str) for path in paths):
         raise ExperimentError(f'include is {quoted(str(paths))}: write a list of files, include = ["sources.toml"]')
     sources = list(document.get("source", [])) if isinstance(document.get("source", []), list | tuple) else []
-    origin = {source.get("name"): "the experiment" for source in sources if isinstance(source, Mapping)}
+    origin = {str(source.get("name")): "the experiment" for source in sources if isinstance(source, Mapping)}
     for path in paths:
         for source in _sources(path, folder):
-            name = source.get("name")
+            name = str(source.get("name"))
             if name in origin:
                 raise ExperimentError(
-                    f"source {quoted(str(name))} is declared twice, in {origin[name]} and in {path}: keep one"
+                    f"source {quoted(name)} is declared twice, in {origin[name]} and in {path}: keep one"
                 )
             origin[name] = path
             sources.append(source)

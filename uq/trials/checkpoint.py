@@ -153,13 +153,14 @@ class Checkpoint:
         try:
             header = parse_json(line)
             intact = header.pop("sha256") == _checksum(header, payload)
+            estimates = np.frombuffer(payload, header["dtype"]).reshape(header["shape"])
         except (ValueError, KeyError, AttributeError, TypeError):
             intact = False
         if not intact:
             raise ExperimentError(f"{path} is cut or edited (its checksum is another): {_delete(self.folder)}")
         if header["campaign"] != self.digest:
             raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
-        return header, np.frombuffer(payload, header["dtype"]).reshape(header["shape"])
+        return header, estimates
 
 
 def _lock_file(handle: int) -> None:

@@ -28,6 +28,8 @@ SEGMENT = 100
 """Number of trials, roughly, that a device does between two reports of progress, where each holds samples."""
 
 
+OVERFLOW = 1e60
+"""Size of a result from which on sums of fourth powers are no numbers."""
 RunTrials = Callable[[Any, Key[Array, ""], Int[Array, " trials"]], Any]
 """Runs a batch of trials on one device, from problem, key and numbers of the trials, which lead in what it returns.
 
@@ -102,13 +104,19 @@ class TrialLoop:
             return jax.tree.map(np.asarray, results)
 
     def results(self, last: int, first: int = 0) -> Any:
-        """Return trials ``first`` … ``last`` - 1, which must be done, as NumPy arrays, trials leading."""
+        """Return trials ``first`` … ``last`` - 1, which must be done, as NumPy arrays, trials leading.
+
+        A number of ``OVERFLOW`` or more is a failed trial's: NaN.
+        """
         ends = np.cumsum([trials_in(segment_results) for segment_results in self.segments])
         begin, end = np.searchsorted(ends, first, side="right"), np.searchsorted(ends, last)
         before = int(ends[begin] - trials_in(self.segments[begin]))
-        return jax.tree.map(
-            lambda *leaves: np.concatenate(leaves)[first - before : last - before], *self.segments[begin : end + 1]
-        )
+
+        def joined(*leaves: np.ndarray) -> np.ndarray:
+            values = np.concatenate(leaves)[first - before : last - before]
+            return np.where(np.abs(values) < OVERFLOW, values, np.nan) if values.dtype.kind == "f" else values
+
+        return jax.tree.map(joined, *self.segments[begin : end + 1])
 
 
 def all_trials(
