@@ -179,7 +179,7 @@ def _identified(path: Path, experiment: str, reached: float | None, say: Callabl
         say(f"error: {path} is recorded, but cannot be identified: {on_one_line(str(error))}")
         return False
     print()
-    if reached is not None and (text := missed(result.interval95, reached)):
+    if reached is not None and (text := missed(result.interval95, reached, result.contradicted)):
         print(text)
     finish(Certificate(result), None)
     return True

@@ -43,21 +43,23 @@ def about_target(estimate: LiveEstimate, target: float) -> str:
     return f"{_reach(estimate, target)}{_floor(estimate, target)}"
 
 
-def missed(interval95: Float[np.ndarray, "6 2"], target: float) -> str:
+def missed(interval95: Float[np.ndarray, "6 2"], target: float, contradicted: str = "") -> str:
     """Return a line where an identification misses a target that the live estimate had reached; else "".
 
     Args:
         interval95: of its components [kg·m²].
         target: half the interval that every component was to have at most [kg·m²].
+        contradicted: clause on what the run contradicts, where it does: then no interval holds.
     """
     half = np.ptp(interval95, axis=1) / 2
     worst = int(np.argmax(half))
-    if half[worst] <= target:
+    if half[worst] <= target and not contradicted:
         return ""
     wanted, largest = (significant(GRAM_METRE * x, 2) for x in (target, half[worst]))
+    why = f"{COMPONENTS[worst]} has ± {largest}; record for longer, or follow the warnings below"
     return (
         f"the target ± {wanted} g·m² at 95 %, which the estimate while recording had reached, is missed by this result "
-        f"of the whole recording: {COMPONENTS[worst]} has ± {largest}; record for longer, or follow the warnings below"
+        f"of the whole recording: {contradicted or why}"
     )
 
 

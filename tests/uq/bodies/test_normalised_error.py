@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from identify.identification import Identification
+from identify.joint.prior_departure import declaration
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
@@ -376,6 +377,17 @@ def test_repeats_are_without_the_fixture(generator):
     found = compare(body, reference(SOURCE))
     np.testing.assert_allclose(found.mean, body.inertia)
     np.testing.assert_allclose(found.standard_deviation, 1e-4)
+
+
+def test_what_the_runs_contradict_passes_no_comparison():
+    result = identified(Tensor(MEAN, 1e-3 * np.eye(6)), MEAN[None])
+    off = declaration("mass", 0, 19.8, 19.7, 0.01)
+    sound, contradicted = (
+        repr(compare(dataclasses.replace(result, declarations=records), reference(SOURCE))) for records in ((), (off,))
+    )
+    assert "all components together: chi-squared" in sound
+    assert "chi-squared" not in contradicted
+    assert "say nothing: the runs contradict what is declared of mass (10.0 u off)" in contradicted
 
 
 def test_a_single_run_has_no_standard_deviation():

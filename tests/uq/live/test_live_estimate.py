@@ -239,4 +239,5 @@ def test_a_target_that_the_whole_recording_misses_is_named():
     assert missed(interval95, 6.1001e-3) == ""
     assert missed(interval95, 5e-3).startswith("the target ± 5.0 g·m² at 95 %, which the estimate while recording had")
     assert "I22 has ± 6.1;" in missed(interval95, 5e-3)
+    assert missed(interval95, 1.0, "the runs contradict it").endswith("of the whole recording: the runs contradict it")
     assert "I33 has ± ∞;" in missed(np.vstack([interval95[:5], [0.0, np.inf]]), 5e-3)
