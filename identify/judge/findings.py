@@ -293,9 +293,13 @@ class Finding(Enum):
         """Page and anchor of the documentation on it."""
         return f"{PAGE}#{self.label.replace(' ', '-')}"
 
-    def verdict(self, run: str, *, axis: str, share: float, text: str) -> ResidualCause:
-        """Return the finding on a run, in these words."""
-        return ResidualCause(cause=self.label, axis=axis, share=share, text=text, run=run, docs=self.docs)
+    def verdict(
+        self, run: str, *, axis: str, share: float, text: str, changes: tuple[float, ...] = ()
+    ) -> ResidualCause:
+        """Return the finding on a run, in these words, with what it would add to the ten parameters."""
+        return ResidualCause(
+            cause=self.label, axis=axis, share=share, text=text, run=run, changes=changes, docs=self.docs
+        )
 
     def cause(self, run: str, *, axis: str, share: float, adds: str = "", **figures: object) -> ResidualCause:
         """Return the finding on a run, with the figures that its pattern names.

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identify.joint.joint_model import SLICES
+from identify.joint.joint_model import TEN
+from identify.joint.priors import indices
 from identify.judge.causes import causes
 from identify.judge.evidence import Evidence, evidence
 from identify.judge.run_fit import RunFit
@@ -49,8 +50,8 @@ class FollowedCause(NamedTuple):
     evidence: Evidence
     rivals: tuple[str, ...]
     """Other causes that are about as probable."""
-    shift: np.ndarray
-    """Error that the cause makes in the joint model's packed tensor [kg·m²]."""
+    changes: np.ndarray
+    """Errors that the cause makes in the joint model's mass, r_CG and packed tensor [kg], [m], [kg·m²]."""
 
     def sentence(self, quantity: str) -> str:
         """Return what the residuals follow, and the cure.
@@ -92,7 +93,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         run: at its best.
         free: unknowns of which nothing is declared.
     """
-    tensor = run.prior.root[SLICES["inertia"]]
+    ten = run.prior.root[indices(TEN)]
     base = run.base
     open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
     named: list[FollowedCause] = []
@@ -110,7 +111,7 @@ def followed(run: RunFit, free: frozenset[str]) -> Judgement:
         rivals = tuple(
             e.cause.finding.label for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR
         )
-        named.append(FollowedCause(best, rivals, tensor @ best.shift[: len(run.z)]))
+        named.append(FollowedCause(best, rivals, ten @ best.shift[: len(run.z)]))
         base = base.taking(best.columns, best.coefficients)
         open_to = [candidate for candidate in open_to if candidate[0].finding is not best.cause.finding]
     prediction = run.prediction

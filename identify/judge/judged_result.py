@@ -143,9 +143,13 @@ def _of_run(
     left_over = best.unexplained
     verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
     for finding, cause in named.items():
-        shift = cause.shift
+        changes = cause.changes.copy()
         if result.method != "joint":
-            shift = tensor_change(fits[:1], [1.0], [cause.evidence.added[:, :, None]])[:, 0]
+            changes = np.append(np.zeros(4), tensor_change(fits[:1], [1.0], [cause.evidence.added[:, :, None]]))
+        if finding in exact:  # which the result keeps
+            own = cause.evidence.cause.size * cause.evidence.coefficients
+            changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact[finding]]] = own
+        shift = changes[4:]
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))
         small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
@@ -154,7 +158,10 @@ def _of_run(
         moves = f"; it would move {COMPONENTS[worst]} by {signed(GRAM_METRE * shift[worst])} g·m²"
         text = f"{run.name}: {cause.sentence(quantity)}{moves if ratio[worst] > ROUNDING else ''}"
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
-        verdicts.append(finding.verdict(run.name, axis=f"b{axis + 1}", share=cause.evidence.share, text=text))
+        share = cause.evidence.share
+        verdicts.append(
+            finding.verdict(run.name, axis=f"b{axis + 1}", share=share, text=text, changes=tuple(changes.tolist()))
+        )
         total = total + shift
     if not named and not verdicts:
         apart = specification.difference(fits[-1], np.nan_to_num(result.standard_uncertainty))

@@ -16,5 +16,9 @@ class ResidualCause(NamedTuple):
     """One line that says so."""
     run: str = ""
     """Name of the run."""
+    changes: tuple[float, ...] = ()
+    """What the cause would add to mass [kg], r_CG [m] and tensor [kg·m²]; () where that is not known."""
+    note: bool = False
+    """Whether the second interval holds the cause already, which then is no warning."""
     docs: str = ""
     """Place in the documentation that says what it looks like, its cure, and how often it is named."""

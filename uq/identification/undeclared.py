@@ -13,8 +13,10 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
+from identify.judge.findings import Finding
 from identify.judge.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
 from identify.methods.base import estimator_of
+from identify.results.alignment import TURNED, turn_warnings
 from identify.results.identification_result import Identification
 from identify.results.undeclared import Effect, Undeclared
 from identify.rounding import exact
@@ -29,6 +31,11 @@ from uq.sources.source import Source
 
 NEGLIGIBLE = 1e-9
 """Part of the mass, of a metre and of the moments of inertia below which an error adds nothing: rounding."""
+PRICE = 0.1
+"""Part by which a cause must widen the second interval to be a warning.
+
+Price: stated as such. What a result takes as exact is not widened: there the second interval must hold the cause.
+"""
 STEP = 0.01
 """Step of the finite differences, in standard uncertainties."""
 METRE = Source(name="centre_of_gravity", target="r_cg", kind="bias", group="undeclared", sigma=np.ones(3))
@@ -81,7 +88,27 @@ def with_undeclared(
                 raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
             changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    return replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects))
+    return noted(replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects)))
+
+
+def noted(result: Identification) -> Identification:
+    """Return a result whose warnings are without the causes that its second interval holds: these are notes."""
+    half, wide_half = (
+        each.coverage_factors * each.parameters.standard_uncertainty for each in (result, result.with_undeclared)
+    )
+    consistency = []
+    for cause in result.consistency:
+        # a shift counts as a standard uncertainty, and what it explains widens what the residuals show
+        added = 4 * np.square(cause.changes or np.inf) + cause.share * half**2
+        allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * wide_half**2, 4 * wide_half**2)
+        consistency.append(cause._replace(note=bool((added <= allowed).all())))
+    if result.rotation is not None and not turn_warnings(result.rotation, result.inertia, wide_half[4:]):
+        turned = [text for text in result.warnings if text.startswith(TURNED)]
+        verdicts = [Finding.ROTATION.verdict("", axis="", share=0.0, text=text) for text in turned]
+        consistency += [verdict._replace(note=True) for verdict in verdicts]
+    notes = {cause.text for cause in consistency if cause.note}
+    warnings = tuple(text for text in result.warnings if text not in notes)
+    return replace(result, consistency=tuple(consistency), warnings=warnings)
 
 
 def undeclared_errors(

@@ -32,8 +32,8 @@ def rows(result: Identification) -> list[list[str]]:
         ratio = float(np.max(result.pooling.excess))
         checks.append(_row("scatter between runs over that within, largest", ratio, "≤", 2.0))
     checks.append(_admissible(result))
-    causes = sorted({verdict.cause for verdict in result.consistency})
-    checks.append(_none("residuals that follow something", len(result.consistency), causes))
+    causes = [verdict.cause for verdict in result.consistency if not verdict.note]
+    checks.append(_none("residuals that follow something", len(causes), sorted(set(causes))))
     contradicted = [record.name for record in result.declarations if record.contradicted]
     checks.append(_none("declared quantities that the runs contradict", len(contradicted), contradicted))
     checks.append(undeclared(result))

@@ -80,7 +80,7 @@ def trust(result: Identification) -> str:
     """Return in a sentence whether the figures may be used."""
     if result.contradicted:
         return "Do not use these figures: the runs contradict what is declared."
-    if result.warnings or result.consistency:
+    if result.warnings or not all(cause.note for cause in result.consistency):
         return "Read the warnings below before you use these figures."
     return "Nothing in the runs contradicts what is declared: the intervals hold if the assumptions below do."
 
@@ -176,6 +176,11 @@ def notes(result: Identification) -> list[str]:
         *([] if result.tare is None else [_without(result.tare, result.parameters)]),
         *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
         *(f"warning: {text}" for text in result.warnings),
+        *(
+            f"note: {cause.text}; the interval with undeclared errors holds it"
+            for cause in result.consistency
+            if cause.note
+        ),
         *explained(result),
         *([] if bodies is None else [f"physical limits: {bodies}"]),
         *_undeclared(result),
