@@ -9,8 +9,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.text_tables import Table
 from uq.experiment.trajectory_table import TrajectorySpec
-from uq.sources.source import KINDS, Source
-from uq.sources.source_figures import on_axes
+from uq.sources.source import KINDS, Source, on_axes
 from uq.sources.source_table import WIDTHS
 
 SOURCE_HEAD = ("source", "perturbs", "kind", "group", "σ on axes 1, 2, 3, or as named")

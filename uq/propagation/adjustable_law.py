@@ -18,8 +18,7 @@ from uq.gram_sums.cases import Case
 from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.prepared_run import PreparedRun
-from uq.sources.source import Source
-from uq.sources.source_figures import part_of
+from uq.sources.source import Source, part_of
 
 LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
 """Factors on the variance of the gyro's noise, from a hundredth to a hundred; 1 is in the middle."""

@@ -24,8 +24,7 @@ from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, ch
 from uq.sources.datasheet import datasheet
 from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
 from uq.sources.draws import Mixing, stream_number
-from uq.sources.source import KINDS, ErrorKind, Source
-from uq.sources.source_figures import part_of
+from uq.sources.source import KINDS, ErrorKind, Source, part_of
 
 
 class SourceTable(TomlTable, frozen=True, kw_only=True):

@@ -17,8 +17,7 @@ from uq.sources.draws import BLOCK
 from uq.sources.flicker import DECAYS, FLICKER, pink_block
 from uq.sources.noise_filters import WALK, WHITE, NoisePart
 from uq.sources.random_normals import Index, drawn_in_turn, normal_pairs
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import figures
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, figures
 
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""

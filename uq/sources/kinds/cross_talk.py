@@ -10,8 +10,7 @@ import numpy as np
 from rig.exceptions import quoted
 from rig.toml_tables import WrongKeyError, read_value, written
 from uq.files.schema import in_unit, quantity_schema
-from uq.sources.source import ErrorKind
-from uq.sources.source_figures import part_of
+from uq.sources.source import ErrorKind, part_of
 
 WRENCH_UNITS = ("N", "N", "N", "N*m", "N*m", "N*m")
 RELATIVE = {("N", "N"): "%", ("N*m", "N*m"): "%", ("N", "N*m"): "N/(N*m)", ("N*m", "N"): "N*m/N"}

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from uq.sources.distributions import Normal
-from uq.sources.source import SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import strictest
+from uq.sources.source import SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source, strictest
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source
-from uq.sources.source_figures import strictest
+from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source, strictest
 
 
 class Saturation(ErrorKind):
