@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from identify.rigid_body.inertia import pack
 from tests.helpers import posed_runs
 from uq.experiment.experiment import Experiment
+from uq.files.mistakes import ExperimentError
+from uq.identification.identify_files import identify_files
 from uq.identification.static_centre import centre_file
 from uq.inspection.experiment_findings import experiment_findings
 from uq.recorded.gravity_compensation import undo
@@ -129,3 +132,18 @@ def test_a_table_of_poses_in_this_convention(tmp_path, row):
     assert not [text for text in centre.warnings if "suspicious" in text or "residuals" in text]
     assert centre.mass == pytest.approx(posed_runs.MASS, abs=2e-3)
     np.testing.assert_allclose(centre.r_cg, posed_runs.R_CG, atol=2e-4)
+
+
+def test_two_lines_are_an_experiment_where_the_motion_tells_all(tmp_path, clean):
+    """Neither mass nor centre of gravity are declared; a weight to be put back asks for them."""
+    path = posed_runs.write(tmp_path / "run", clean, "imu", "mcap")
+    result = identify_files(path, Experiment.from_dict({"recording": {"method": "joint"}}))
+    assert result.mass == pytest.approx(posed_runs.MASS, rel=2e-3)  # local gravity is not declared
+    np.testing.assert_allclose(result.r_cg, posed_runs.R_CG, atol=3e-4)
+    error = result.inertia - pack(posed_runs.TENSOR)
+    assert (np.abs(error) < 5 * result.standard_uncertainty).all()
+    assert (result.standard_uncertainty < 2e-4).all()
+    assert (result.warnings, result.contradicted) == ((), "")
+    removed = {"body": {"mass": "2 kg"}, "recording": {"method": "joint", "compensated": "gravity"}}
+    with pytest.raises(ExperimentError, match=r"missing key body\.r_cg_from_q"):
+        identify_files(path, Experiment.from_dict(removed))

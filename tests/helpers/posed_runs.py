@@ -3,7 +3,8 @@
 Kinematics in closed form and plain NumPy and SciPy, which share no code with the product. How often clean recordings
 are suspected:
 
-    python -m tests.helpers.posed_runs --runs 40    # three minutes of processor time
+    python -m tests.helpers.posed_runs               # five minutes of processor time
+    python -m tests.helpers.posed_runs --runs 3 --identify
 """
 
 import argparse
@@ -304,7 +305,7 @@ def write(path, run, source, container):
     return path
 
 
-def experiment(folder, source, *, known=False, **recording):
+def experiment(folder, source, *, known=False, band=BAND, **recording):
     """The experiment file of a run; ``known``: its body, too; ``recording``: further keys, as TOML has them."""
     keys = {"wrench": "on_body", "method": "joint"} | recording
     if source == "joints":
@@ -316,7 +317,8 @@ def experiment(folder, source, *, known=False, **recording):
     sigma = "0.001 m" if known else "0.1 m"
     (folder / "e.toml").write_text(
         f'[body]\nr_cg_from_q = {r_cg}\n[platform]\ngravity = "9.81 m/s^2"\n'
-        '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\nband = "3 Hz"\n'
+        '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\n'
+        f'band = "{band} Hz"\n'
         f'[[source]]\nname = "r_cg"\ntarget = "r_cg"\nkind = "bias"\nsigma = "{sigma}"\ngroup = "cg"\n'
         f"[recording]\n{lines}"
     )
@@ -325,25 +327,52 @@ def experiment(folder, source, *, known=False, **recording):
     return Experiment.load(folder / "e.toml")
 
 
+CLEAN = (
+    ("joints", 50.0), ("joints", 125.0), ("joints", 500.0), ("imu", 125.0), ("imu", 500.0), ("quaternion", 125.0),
+    ("poses", 125.0), ("odometry", 125.0),
+)  # fmt: skip
+"""Sources of attitude, and rates [Hz], of clean runs."""
+
+
 def main(arguments=None):
+    from identify.exceptions import RunError
+    from uq.identification.identify_files import identify_files
     from uq.inspection.experiment_findings import experiment_findings
     from uq.recorded.load_run import load
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=40)
-    count = parser.parse_args(arguments).runs
-    with tempfile.TemporaryDirectory() as folder:
-        for source in ("joints", "poses", "odometry", "imu", "quaternion"):
-            suspected = 0
-            for seed in range(count):
-                rate = (100.0, 125.0, 500.0)[seed % 3]
-                path = write(Path(folder) / f"{source}-{seed}", measured(seed, rate=rate), source, "mcap")
-                declared = experiment(Path(folder), source)
-                findings = experiment_findings(load(path, declared.recording, band=BAND, marks=False).run, declared)
-                suspected += bool(findings)
-                for finding in findings:
-                    print(f"{source}, seed {seed}, {rate:g} Hz: {finding}")
-            print(f"{source}: {suspected} of {count} clean runs suspected")
+    parser.add_argument("--runs", type=int, default=20, help="of each kind, with the mass declared and without")
+    parser.add_argument("--identify", action="store_true", help="count the warnings of identify, too")
+    asked = parser.parse_args(arguments)
+    totals = np.zeros(3, int)
+    for source, rate in CLEAN:
+        for known in (False, True):
+            counts = np.zeros(3, int)
+            for seed in range(asked.runs):
+                with tempfile.TemporaryDirectory() as folder:
+                    path = write(Path(folder) / f"{source}-{seed}", measured(seed, rate=rate), source, "mcap")
+                    band = min(BAND, 0.035 * rate)  # the highest that joints of this rate tell
+                    declared = experiment(Path(folder), source, known=known, band=band)
+                    run = load(path, declared.recording, band=band, marks=False).run
+                    texts = [str(finding) for finding in experiment_findings(run, declared)]
+                    warned = ()
+                    if asked.identify:
+                        try:
+                            warned = identify_files([path], declared).warnings
+                        except RunError as error:
+                            warned = (str(error),)
+                counts += [1, bool(texts), bool(warned)]
+                for text in (*texts, *warned):
+                    print(f"{source}, {rate:g} Hz, seed {seed}: {text}", flush=True)
+            totals += counts
+            mass = "mass declared" if known else "mass unknown"
+            print(f"{source}, {rate:g} Hz, {mass}: {_told(counts, asked.identify)}", flush=True)
+    print(f"in all: {_told(totals, asked.identify)}")
+
+
+def _told(counts, identified):
+    warned = f", {counts[2]} warned by identify" * identified
+    return f"{counts[1]} of {counts[0]} clean runs suspected{warned}"
 
 
 if __name__ == "__main__":

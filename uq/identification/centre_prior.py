@@ -38,6 +38,13 @@ def load_centre(path: str | Path | Centre) -> Centre:
     return Centre.from_dict(content, name)
 
 
+ANYWHERE = 0.3
+"""Standard uncertainty of each coordinate of a centre of gravity that is not declared, from Q [m].
+
+Prior: wider than what a load cell of a robot or a bench carries.
+"""
+
+
 def with_centre_prior(experiment: Experiment, centre: Centre) -> tuple[Experiment, tuple[str, ...]]:
     """Return the experiment with the mass and centre of gravity of static poses, and where these contradict it."""
     u = centre.standard_uncertainty
@@ -59,7 +66,7 @@ def with_centre_prior(experiment: Experiment, centre: Centre) -> tuple[Experimen
 
 
 def with_mass_and_centre(
-    experiment: Experiment, mass: float, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str
+    experiment: Experiment, mass: float | None, r_cg: np.ndarray, sigma_r_cg: np.ndarray, source: str
 ) -> Experiment:
     """Return the experiment with another mass [kg] and centre of gravity with its standard uncertainty [m]."""
     others = tuple(source for source in experiment.sources if source.perturbs != "r_cg")
@@ -67,6 +74,11 @@ def with_mass_and_centre(
     mixing = tuple(mixed for mixed in experiment.mixing if names.issuperset(mixed.names))
     centre_source = Source(name="r_cg", target="r_cg", kind="bias", group="cg", sigma=sigma_r_cg, reference=source)
     return replace(experiment, r_cg_from_q=r_cg, mass=mass, sources=(*others, centre_source), mixing=mixing)
+
+
+def with_free_centre(experiment: Experiment) -> Experiment:
+    """Return the experiment with a centre of gravity that the motion alone tells, from a wide prior about Q."""
+    return with_mass_and_centre(experiment, experiment.mass, np.zeros(3), np.full(3, ANYWHERE), "not declared")
 
 
 def centre_provenance(path: str | Path | Centre, centre: Centre) -> dict[str, Any]:

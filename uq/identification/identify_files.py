@@ -30,7 +30,7 @@ from uq.experiment.report_table import cautions
 from uq.experiment.undeclared_table import NONE
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import check_declared
-from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior
+from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior, with_free_centre
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict, with_discordance
 from uq.identification.systematic_errors import with_declared_sources
@@ -46,6 +46,7 @@ from uq.sources.source import KINDS, is_declared
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
 NO_SECOND = "mass and centre of gravity are without undeclared errors in all intervals: run `inertia centre` again"
+FREE_CENTRE = "no centre of gravity is declared: the motion tells it, from 0.3 m about Q on"
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
 
@@ -99,6 +100,11 @@ def identify_files(
         declared_inputs |= {"centre": centre_provenance(centre, prior)}
     elif experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
+    recording = experiment.recording
+    needs_centre = recording.zero == "loaded" or (recording.removes_weight and recording.payload_mass is None)
+    free = experiment.r_cg_from_q is None and (method or recording.method) == "joint" and not needs_centre
+    if free:
+        experiment = with_free_centre(experiment)
     if experiment.recording.zero_frame == "base" and method not in (None, "joint"):
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
@@ -125,7 +131,7 @@ def identify_files(
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
-    assumed = dict.fromkeys(text for _, texts in prepared for text in texts)
+    assumed = dict.fromkeys([*[FREE_CENTRE] * free, *(text for _, texts in prepared for text in texts)])
     fixture_warnings = () if experiment.fixture is None else (WITH_FIXTURE,)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(

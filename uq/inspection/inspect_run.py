@@ -43,6 +43,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     if experiment is None:
         return _cured(inspect(path, judge=_without_experiment))
     from identify.signals.run import RunError
+    from uq.files.mistakes import ExperimentError
     from uq.inspection.experiment_findings import experiment_findings
     from uq.recorded.gravity_compensation import undo
     from uq.recorded.load_run import load
@@ -55,7 +56,8 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
             # About the centre of gravity the moment alone tells the tensor: the force may be missing.
             findings = [finding for finding in findings if finding.kind != "no force"]
         weighed, undone = run, False
-        with contextlib.suppress(RunError):  # without mass or attitude the weight that was removed stays away
+        # Without mass or attitude the weight that was removed is not put back.
+        with contextlib.suppress(RunError, ExperimentError):
             weighed, undone = undo(run, (), experiment)[0], True
         return [*findings, *experiment_findings(weighed, experiment, undone=undone)]
 

@@ -28,11 +28,13 @@ def undo(run: Run, rests: Sequence[Segment], experiment: Experiment) -> tuple[Ru
     Raises:
         RunError: mass is not stated, or nothing tells the attitude.
     """
-    recording, r_cg = experiment.recording, experiment.stated_r_cg
+    recording = experiment.recording
     if recording.removes_weight:
         mass, removed_at = recording.payload_mass, recording.payload_r_cg_from_q
         if mass is None or removed_at is None:
-            mass, removed_at = _mass(run, experiment, f"compensated is {recording.compensated}"), r_cg
+            mass = _mass(run, experiment, f"compensated is {recording.compensated}")
+            removed_at = experiment.stated_r_cg
+        r_cg = removed_at if experiment.r_cg_from_q is None else experiment.r_cg_from_q
         weight = mass * experiment.gravity * upward(run, r_cg, rests)
         level = run.specific_force is None and run.gravity is None
         how = "the gyro, level at first" if level else "the accelerometer" if run.gravity is None else "the attitude"
@@ -46,7 +48,7 @@ def undo(run: Run, rests: Sequence[Segment], experiment: Experiment) -> tuple[Ru
         mass = _mass(run, experiment, "zero is loaded, with offsets none")
         weight = np.broadcast_to(mass * experiment.gravity * UP, run.force.shape)
         assumption = "the load cell was zeroed with the body on it at rest and level"
-        return _with(run, weight, r_cg, also_moment=True), (assumption,)
+        return _with(run, weight, experiment.stated_r_cg, also_moment=True), (assumption,)
     return run, ()
 
 
