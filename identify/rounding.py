@@ -52,6 +52,11 @@ def fixed(value: SupportsFloat, places: int) -> str:
     return _with_power(shown, 0) if abs(shown) >= 1e15 else _decimal(shown, places)
 
 
+def interval(ends: Iterable[SupportsFloat], places: int) -> str:
+    """Return an interval with these decimals: 4.97 … 5.07."""
+    return " … ".join(fixed(end, places) for end in ends)
+
+
 def _decimal(number: float, places: int) -> str:
     return f"{number:.{max(places, 0)}f}".replace("-", "−")
 

@@ -130,6 +130,12 @@ def _width(cell: str) -> int:
     return sum(not unicodedata.combining(character) for character in cell)
 
 
+def enumerated(words: Sequence[str]) -> str:
+    """Return words as a text joins them: ``a, b and c``."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def sentence(text: str) -> str:
     """Return a text with a capital and a full stop."""
     return f"{text[0].upper()}{text[1:]}."

@@ -1,6 +1,5 @@
 """Delay and rotation between load cell and IMU as results: value, uncertainty, share of the prior in it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack, unpack
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant, with_uncertainty
+from identify.text_tables import enumerated
 
 LARGEST_PRIOR_SHARE = 0.5
 """Share of the prior in a variance above which the motion does not determine the quantity."""
@@ -66,8 +66,8 @@ def alignment_warnings(delay: Aligned, rotation: Aligned | None) -> list[str]:
     axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > LARGEST_PRIOR_SHARE]
     if axes:
         warnings.append(
-            f"the motion does not tell the rotation between load cell and IMU about axis {_and(axes)}: the interval is "
-            "what was declared; rotate about more axes, or declare it better"
+            f"the motion does not tell the rotation between load cell and IMU about axis {enumerated(axes)}: the "
+            "interval is what was declared; rotate about more axes, or declare it better"
         )
     return warnings
 
@@ -99,7 +99,3 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
 def listed(values: np.ndarray, errors: np.ndarray) -> str:
     """Return figures with their standard uncertainties, in the same unit, as text."""
     return ", ".join(map(with_uncertainty, values, errors))
-
-
-def _and(words: Sequence[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

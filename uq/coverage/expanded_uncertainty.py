@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import beside_uncertainty, decimals, exact, fixed, rounded
+from identify.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
 
 USUAL = 0.95
 """Coverage probability of the intervals that results hold."""
@@ -60,7 +60,7 @@ class Expanded:
             fixed(self.factor[k], 2), "∞" if self.freedom[k] >= MANY else f"{self.freedom[k]:.0f}",
             *exact([round(100 * self.probability[k], 2)]),
             fixed(u, decimals(u)),
-            f"{fixed(low, places)} … {fixed(high, places)}",
+            interval((low, high), places),
         ]  # fmt: skip
 
 

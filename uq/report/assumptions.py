@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.text_tables import enumerated
 from uq.report.figures.style import display_name
 from uq.sources.source import KINDS, is_declared
 
@@ -46,7 +47,7 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
     for (target, _), kind in KINDS.items():
         if kind.absence and not is_declared(target, kind, declared):
             targets.setdefault(kind.absence, []).append(NOUNS.get(target, target))
-    return [absence.format(_listed(names)) for absence, names in targets.items()]
+    return [absence.format(enumerated(names)) for absence, names in targets.items()]
 
 
 def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -73,9 +74,4 @@ def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, A
 
 
 def _but(names: Sequence[str]) -> str:
-    return f", but for {_listed(names)}" if names else ""
-
-
-def _listed(names: Sequence[str]) -> str:
-    *first, last = names
-    return f"{', '.join(first)} and {last}" if first else last
+    return f", but for {enumerated(names)}" if names else ""

@@ -11,7 +11,7 @@ from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.rounding import decimals, exact, fixed, rounded
+from identify.rounding import decimals, exact, fixed, interval, rounded
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
 from uq.experiment.conformity import Decision
@@ -55,10 +55,9 @@ def origins(result: Identification) -> list[Table]:
         result.standard_uncertainty, result.interval95, strict=True,
     )  # fmt: skip
     rows = []
-    for name, *by_origin, u, (low, high) in columns:
+    for name, *by_origin, u, first in columns:
         places = decimals(GRAM_METRE * u) if np.isfinite(u) else 0
-        ends = f"{fixed(GRAM_METRE * low, places)} … {fixed(GRAM_METRE * high, places)}"
-        rows.append([name, *by_origin, ends if np.isfinite([low, high]).all() else "–"])
+        rows.append([name, *by_origin, interval(GRAM_METRE * first, places) if np.isfinite(first).all() else "–"])
     head = ["", "measured", "declared", "typical", "95 % without typical"]
     return [Table("Standard uncertainty by origin, g·m²", head, rows, ORIGIN_NOTE)]
 
@@ -110,9 +109,9 @@ def conformity(report: Report, decisions: Sequence[Decision]) -> list[Table]:
         return []
     rows = []
     for decision in decisions:
-        low, high = exact(GRAM_METRE * end for end in decision.limits)
+        limits = " … ".join(exact(GRAM_METRE * end for end in decision.limits))
         within = fixed(100 * decision.probability, 2) if np.isfinite(decision.probability) else "–"
-        rows.append([decision.component, f"{low} … {high}", decision.outcome, within])
+        rows.append([decision.component, limits, decision.outcome, within])
     head = ["", "limits, g·m²", "outcome", "probability within, %"]
     return [Table(f"Conformity with {report.conformity.specification}", head, rows, CONFORMITY_NOTE)]
 
@@ -199,10 +198,9 @@ def bodies(result: Identification) -> list[Table]:
 
 def _figures(aligned: Aligned, unit: float) -> Iterator[list[str]]:
     """Value, standard uncertainty and interval of each number."""
-    for value, u, (low, high) in zip(aligned.value, aligned.standard_uncertainty, aligned.interval95, strict=True):
+    for value, u, ends in zip(aligned.value, aligned.standard_uncertainty, aligned.interval95, strict=True):
         places = decimals(unit * u)
-        low, high = (fixed(unit * end, places) for end in (low, high))
-        yield [fixed(unit * value, places), fixed(unit * u, places), f"{low} … {high}"]
+        yield [fixed(unit * value, places), fixed(unit * u, places), interval(unit * ends, places)]
 
 
 def tare(result: Identification) -> list[Table]:

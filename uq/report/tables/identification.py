@@ -16,7 +16,16 @@ from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import principal_axes
-from identify.rounding import beside_uncertainty, common, decimals, exact, fixed, significant, with_uncertainty
+from identify.rounding import (
+    beside_uncertainty,
+    common,
+    decimals,
+    exact,
+    fixed,
+    interval,
+    significant,
+    with_uncertainty,
+)
 from identify.text_tables import Table, sentence
 from uq.experiment.undeclared_table import UndeclaredTable
 from uq.report.drawing import drawing
@@ -64,7 +73,7 @@ def overview(result: Identification) -> list[Table]:
         places = decimals(GRAM_METRE * u)
         shown = beside_uncertainty(GRAM_METRE * value, GRAM_METRE * uncertainty, GRAM_METRE * u)
         figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty)]
-        rows.append([name, shown, *figures, _ends(GRAM_METRE * ends, places)])
+        rows.append([name, shown, *figures, interval(GRAM_METRE * ends, places)])
     mass_rows = _mass_and_centre(result)
     if second:
         wide = _second_intervals(result)
@@ -90,11 +99,6 @@ def has_second(result: Identification) -> bool:
     return bool(result.undeclared and result.undeclared.effects)
 
 
-def _ends(ends: np.ndarray, places: int) -> str:
-    low, high = (fixed(end, places) for end in ends)
-    return f"{low} … {high}"
-
-
 def _second_intervals(result: Identification) -> list[str]:
     """The second interval of each of the ten parameters, to two digits of half of it; – for none."""
     wide = result.with_undeclared
@@ -103,7 +107,7 @@ def _second_intervals(result: Identification) -> list[str]:
     texts = []
     for ends, unit, largest in zip([*centre, *wide.interval95], units, _largest(result), strict=True):
         half = float(np.ptp(ends)) / 2
-        text = _ends(unit * ends, decimals(unit * half)) if half > 0 else "–"
+        text = interval(unit * ends, decimals(unit * half)) if half > 0 else "–"
         texts.append("not determined" if half > largest else text)
     return texts
 
@@ -120,13 +124,13 @@ def _mass_and_centre(result: Identification) -> list[list[str]]:
     columns = zip(
         mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty, ends, strict=False
     )
-    for name, unit, value, u, interval in columns:
+    for name, unit, value, u, first in columns:
         if not np.isfinite(value):
             rows.append([name, "–", "–", "–"])
         elif u > 0:
             places = decimals(unit * u)
             figures = beside_uncertainty(unit * value, unit * u), fixed(unit * u, places)
-            rows.append([name, *figures, _ends(unit * interval, places)])
+            rows.append([name, *figures, interval(unit * first, places)])
         else:
             rows.append([name, *exact([unit * value]), "–", "–"])
     return rows
