@@ -17,7 +17,7 @@ class ResidualCause(NamedTuple):
     run: str = ""
     """Name of the run."""
     changes: tuple[float, ...] = ()
-    """What the cause would add to mass [kg], r_CG [m] and tensor [kg·m²]; () where that is not known."""
+    """Change that the cause would make in mass [kg], r_CG [m] and tensor [kg·m²]; () where that is not known."""
     note: bool = False
     """Whether the second interval holds the cause already, which then is no warning."""
     docs: str = ""
