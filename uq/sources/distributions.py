@@ -1,9 +1,9 @@
 """Probability distributions as pytrees: moments of a quantity, and draws from a key.
 
 The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value an axis; a draw's shape
-ends with theirs. Draws depend on the key, the shape and the dtype alone. A value may also be read at a point of the
-unit cube, for quasi-random trials: a function of one or two coordinates that has the distribution where they are
-uniform.
+ends with theirs. A value is a function of one or two coordinates of the unit cube that has the distribution where they
+are uniform: in a draw they come from a key, for quasi-random trials from Sobol's sequence. Draws depend on the key, the
+shape and the dtype alone.
 """
 
 import math
@@ -47,7 +47,6 @@ class Distribution(Pytree):
     excess_kurtosis: ClassVar[Any] = 0.0
     """Fourth central moment over the fourth power of the standard deviation, less the 3 of a normal distribution."""
 
-    @abstractmethod
     def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Float[Array, "..."]:
         """Return independent draws.
 
@@ -56,6 +55,8 @@ class Distribution(Pytree):
             shape: shape of the result, to which the parameters are broadcast.
             dtype: float32 or float64; None for JAX's default float.
         """
+        dtype = jax.dtypes.canonicalize_dtype(float) if dtype is None else dtype
+        return self.at(random_point(key, self.coordinates(shape), dtype), shape)
 
     @abstractmethod
     def at(self, point: Float[Array, " coordinates"], shape: tuple[int, ...] = ()) -> Float[Array, "..."]:
@@ -75,10 +76,6 @@ class Normal(Distribution):
 
     def __post_init__(self) -> None:
         _require("standard_deviation", "zero or more", self.standard_deviation, lambda s: s >= 0)
-
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        return _located(self.mean, self.standard_deviation, jax.random.normal(key, shape, _float(dtype)))
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the quantiles of these probabilities."""
@@ -106,10 +103,6 @@ class Bounded(Distribution):
     def standard_deviation(self) -> Value:
         """The half-width over :attr:`ratio`."""
         return (self.high - self.low) / 2 / self.ratio
-
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        return self._transformed(jax.random.uniform(key, (self.uniforms, *shape), _float(dtype)))
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the values of these uniform numbers."""
@@ -192,12 +185,6 @@ class StudentT(Distribution):
         nu = np.asarray(self.degrees_of_freedom, float)
         return np.where(nu > 4, 6 / np.where(nu > 4, nu - 4, 1), np.inf)
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``."""
-        dtype = _float(dtype)
-        t = jax.random.t(key, _over(self.degrees_of_freedom, shape, dtype), shape, dtype)
-        return _located(self.mean, self.scale, t)
-
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the values of these uniform numbers (Bailey 1994, doi:10.1090/S0025-5718-1994-1219705-3)."""
         first, second = point.reshape(2, *shape)
@@ -278,22 +265,17 @@ class Empirical(Distribution):
         away = samples - samples.mean(axis=0)
         return np.mean((away / samples.std(axis=0)) ** order, axis=0)
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws of ``shape``; of rows, ``shape`` ends with their length."""
-        samples = jnp.asarray(self.samples, _float(dtype))
-        rows = samples.ndim - 1
-        if shape[len(shape) - rows :] != samples.shape[1:]:
-            raise ValueError(f"Argument `shape` must end with {samples.shape[1:]}, but is {shape}.")
-        return samples[jax.random.randint(key, shape[: len(shape) - rows], 0, len(samples))]
-
     def coordinates(self, shape: tuple[int, ...] = ()) -> int:
-        """Return how many values, or rows, there are in this shape."""
-        return math.prod(shape[: len(shape) - np.ndim(self.samples) + 1])
+        """Return how many values there are in this shape; or rows, with whose length it ends."""
+        count, row = len(shape) - np.ndim(self.samples) + 1, np.shape(self.samples)[1:]
+        if shape[count:] != row:
+            raise ValueError(f"Argument `shape` must end with {row}, but is {shape}.")
+        return math.prod(shape[:count])
 
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
         """Return the values, or rows, in order of their place in the set."""
         place = jnp.floor(point * len(self.samples)).astype(int)
-        return jnp.asarray(self.samples)[place].reshape(shape)
+        return jnp.asarray(self.samples, point.dtype)[place].reshape(shape)
 
 
 class MultivariateNormal(Distribution):
@@ -313,22 +295,23 @@ class MultivariateNormal(Distribution):
         """Standard deviation of each value."""
         return jnp.sqrt(jnp.diag(jnp.asarray(self.covariance)))
 
-    def draw(self, key: Key[Array, ""], shape: tuple[int, ...] = (), dtype: Any = None) -> Array:
-        """Return independent draws; ``shape`` ends with the number of values."""
-        dtype = _float(dtype)
-        return _over(self.mean, shape, dtype) + jax.random.normal(key, shape, dtype) @ self._root().astype(dtype).T
-
     def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
-        """Return the values of the quantiles of these probabilities along the principal axes."""
-        return _over(self.mean, shape, point.dtype) + jax.scipy.special.ndtri(point.reshape(shape)) @ self._root().T
+        """Return the values of the quantiles of these probabilities along the principal axes.
+
+        ``shape`` ends with the number of values.
+        """
+        standard, root = jax.scipy.special.ndtri(point.reshape(shape)), self._root().astype(point.dtype)
+        return _over(self.mean, shape, point.dtype) + standard @ root.T
 
     def _root(self) -> Array:
         strength, axes = jnp.linalg.eigh(jnp.asarray(self.covariance))
         return axes * jnp.sqrt(jnp.maximum(strength, 0))[None]
 
 
-def _float(dtype: Any) -> Any:
-    return jnp.dtype(dtype) if dtype is not None else jax.dtypes.canonicalize_dtype(float)
+def random_point(key: Key[Array, ""], coordinates: int, dtype: Any) -> Float[Array, " coordinates"]:
+    """Return a point of the open unit cube; each coordinate depends on the key and on its place alone."""
+    point = jax.random.uniform(key, (coordinates,), dtype)
+    return point + jnp.finfo(point.dtype).epsneg  # half a step: at 0 a normal value would be infinite
 
 
 def _over(value: Value, shape: tuple[int, ...], dtype: Any) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact, Key
 
 from identify.pytree import Pytree, static_field
-from uq.sources.distributions import Empirical, Normal
+from uq.sources.distributions import Empirical, Normal, random_point
 from uq.sources.quasi_random import values_at
 from uq.sources.random_normals import Index, normal_pairs
 from uq.sources.source import Source
@@ -80,17 +80,16 @@ def draw_constants(
     sources: Sequence[Source], mixing: Sequence[Mixing], key: Key[Array, ""], trial: Index, dtype: Any
 ) -> dict[str, Float[Array, "..."]]:
     """Return the one draw of each constant source of a trial, in SI, by name."""
-    constant = [source for source in sources if source.constant]
+    constant = sorted((source for source in sources if source.constant), key=lambda source: source.name)
+    if not constant:
+        return {}
+    counts = [source.shape.coordinates(np.shape(source.sigma)) for source in constant]
     numbers = jnp.asarray([stream_number(source.name) for source in constant], jnp.uint32)
     keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
-    drawn: dict[str, Array] = {}
-    for places in _alike(constant):
-        shapes = jax.tree.map(lambda *figures: jnp.stack(figures), *(constant[k].shape for k in places))
-        size = np.shape(constant[places[0]].sigma)
-        # a loop: XLA would take a batch apart again and compile the same draw for each source
-        values = jax.lax.map(lambda x, size=size: x[1].draw(x[0], size, dtype), (keys[np.array(places)], shapes))
-        drawn |= {constant[k].name: value for k, value in zip(places, values, strict=True)}
-    return _in_si(constant, mixed(drawn, mixing), dtype)
+    # one loop, each point as long as the longest, which changes no number: so XLA compiles the generator once
+    points = jax.lax.map(lambda key: random_point(key, max(counts), dtype), keys)
+    parts = [point[:count] for point, count in zip(points, counts, strict=True)]
+    return constants_at(constant, mixing, jnp.concatenate(parts))
 
 
 def constants_at(
@@ -99,26 +98,14 @@ def constants_at(
     """Return each constant source's value at a point of the open unit cube, in SI, by name: of a quasi-random trial."""
     constant = [source for source in sources if source.constant]
     shapes = {source.name: np.shape(source.sigma) for source in constant}
-    drawn = values_at({source.name: source.shape for source in constant}, point, shapes)
-    return _in_si(constant, mixed(drawn, mixing), point.dtype)
+    drawn = mixed(values_at({source.name: source.shape for source in constant}, point, shapes), mixing)
+    in_si = lambda x: jnp.asarray(x, point.dtype)  # noqa: E731
+    return {s.name: in_si(s.mean) + in_si(s.sigma) * drawn[s.name] for s in constant}
 
 
 def constant_coordinates(sources: Sequence[Source]) -> int:
     """Return how many coordinates :func:`constants_at` takes."""
     return sum(source.shape.coordinates(np.shape(source.sigma)) for source in sources if source.constant)
-
-
-def _in_si(constant: Sequence[Source], drawn: Mapping[str, Array], dtype: Any) -> dict[str, Array]:
-    return {s.name: jnp.asarray(s.mean, dtype) + jnp.asarray(s.sigma, dtype) * drawn[s.name] for s in constant}
-
-
-def _alike(sources: Sequence[Source]) -> list[list[int]]:
-    """Return the numbers of sources whose draws differ by the distribution's figures alone, group by group."""
-    groups: dict[Any, list[int]] = {}
-    for k, source in enumerate(sources):
-        figures, kind = jax.tree.flatten(source.shape)
-        groups.setdefault((kind, *map(np.shape, figures), np.shape(source.sigma)), []).append(k)
-    return list(groups.values())
 
 
 def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:

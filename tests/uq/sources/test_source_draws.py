@@ -83,6 +83,7 @@ def test_correlated_sources_have_the_declared_correlation(drawn):
         source("b", "M", "scale", sigma=["1 %"] * 3),
         source("c", "gravity", "bias", sigma="1 m/s^2"),
         source("d", "omega", "delay", sigma="1 ms"),
+        source("e", "wrench", "cross_talk", datasheet="±0.5 % FS", full_scale=["300 N"] * 3 + ["20 N*m"] * 3),
         source("free", "M", "bias", sigma=["1 N*m"] * 3),
         correlations=[{"sources": ["a", "b"], "coefficient": link}, {"sources": ["d", "c"], "coefficient": 1.0}],
     )
@@ -96,7 +97,7 @@ def test_correlated_sources_have_the_declared_correlation(drawn):
     np.testing.assert_allclose(joint.std(0), [1, 2, 3, 0.01, 0.01, 0.01], rtol=5 / np.sqrt(2 * n))
     np.testing.assert_allclose(values["c"], 1e3 * values["d"], atol=1e-6)  # they go together wholly
     if drawn is drawn_by_key:  # of points the coordinates depend on which sources there are
-        alone = drawn(dataclasses.replace(e, sources=e.sources[4:]), n)
+        alone = drawn(dataclasses.replace(e, sources=e.sources[5:]), n)
         np.testing.assert_array_equal(alone["free"], values["free"])
     without_b = drawn(dataclasses.replace(e, sources=(e.sources[0],)), n)["a"]
     assert (np.abs(np.corrcoef(without_b.T) - own) < 5 / np.sqrt(n)).all()
