@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.rigid_body.inertia import pack
+from identify.signals.run import RunError
 from tests.helpers import posed_runs
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
@@ -147,3 +148,29 @@ def test_two_lines_are_an_experiment_where_the_motion_tells_all(tmp_path, clean)
     removed = {"body": {"mass": "2 kg"}, "recording": {"method": "joint", "compensated": "gravity"}}
     with pytest.raises(ExperimentError, match=r"missing key body\.r_cg_from_q"):
         identify_files(path, Experiment.from_dict(removed))
+
+
+def test_a_table_of_poses_by_joint_angles(tmp_path):
+    """In degrees, as a pendant shows them; a base upside down is named."""
+    posed_runs.urdf(tmp_path / "arm.urdf")
+    angles = np.random.default_rng(5).uniform(-2.5, 2.5, (10, 6))
+    turn = Rotation.identity(len(angles))
+    for k, axis in enumerate(posed_runs.AXES):
+        turn = turn * Rotation.from_euler(axis, angles[:, [k]])
+    force = posed_runs.MASS * turn.inv().apply(posed_runs.UP)
+    moment = np.cross(posed_runs.R_CG, force) + posed_runs.ZERO[3:]
+    columns = np.hstack([np.degrees(angles), force + posed_runs.ZERO[:3], moment])
+    head = ",".join([*posed_runs.NAMES, "fx", "fy", "fz", "tx", "ty", "tz"])
+    np.savetxt(tmp_path / "p.csv", columns, delimiter=",", header=head, comments="", fmt="%.9g")
+    poses = {
+        "force": ["fx", "fy", "fz"], "moment": ["tx", "ty", "tz"],
+        "joints": {name: name for name in posed_runs.NAMES}, "angle_unit": "deg",
+    }  # fmt: skip
+    recording = {"urdf": str(tmp_path / "arm.urdf"), "urdf_frame": "tool"}
+    centre = weighed(tmp_path / "p.csv", poses, recording)
+    assert centre.mass == pytest.approx(posed_runs.MASS, abs=1e-4)
+    np.testing.assert_allclose(centre.r_cg, posed_runs.R_CG, atol=1e-5)
+    assert centre.warnings == ()
+    up = {"urdf_gravity": ["0 m/s^2", "0 m/s^2", "9.81 m/s^2"]}
+    with pytest.raises(RunError, match=r"the weight of the poses points up.*-9\.810"):
+        weighed(tmp_path / "p.csv", poses, recording | up)

@@ -4,12 +4,14 @@ import argparse
 import json
 from typing import TYPE_CHECKING
 
+from rig.mcap.message_definitions import IMU
 from uq.terminal.command_parser import CommandParser
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
 
 
+NOT_COMPARED = "  wrench and motion are not compared: state in an experiment what moves the body, and give --experiment"
 NO_NOISE = (
     "the experiment declares no noise: `inertia noise STILL.mcap -o sources.toml` measures it from a recording at rest"
 )
@@ -32,6 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
         report = inspect_run(path, experiment)
         print(json.dumps(report.to_dict()) if arguments.json else report)
         suspicious = suspicious or bool(report.findings)
+        if experiment is None and not arguments.json and not any(channel.type == IMU for channel in report.channels):
+            print(NOT_COMPARED)
     if experiment is not None and not arguments.json and not any(source.noise for source in experiment.sources):
         print(NO_NOISE)
     return 1 if suspicious else 0

@@ -1,6 +1,7 @@
 """The table ``[poses]`` of an experiment file: where static poses stand in a table, and what tells their attitude."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,10 +19,10 @@ from uq.files.csv_columns import ColumnsTable, QuaternionColumns
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import Axes, in_unit
 
-ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion", "rotation_vector", "euler")
-ROTATIONS = ATTITUDES[2:]
+ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion", "rotation_vector", "euler", "joints")
+ROTATIONS = ATTITUDES[2:6]
 """Ways to tell the attitude that need its direction, ``takes``."""
-ANGLES = ROTATIONS[2:]
+ANGLES = ATTITUDES[4:]
 """Ways to tell the attitude that need the angles' unit."""
 CONVENTIONS = {"rpy": "xyz", "fanuc": "xyz", "kuka": "ZYX", "staubli": "XYZ", "kawasaki": "ZYZ"}
 """Axes of the three turns by the names of robots: small letters stand for axes at rest, capitals for axes that turn."""
@@ -57,12 +58,14 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     """The columns of a rotation vector (axis times angle), an alternative to ``gravity``."""
     euler: Axes[str] | None = None
     """The columns of three angles in the order of ``euler_convention``, an alternative to ``gravity``."""
+    joints: Mapping[str, str] | None = None
+    """The column of each joint's angle, by the joint's name in ``recording.urdf``, an alternative to ``gravity``."""
     euler_convention: (
         Annotated[str, written(_euler_axes, {"type": "string", "examples": [*CONVENTIONS, "xyz", "ZYX"]})] | None
     ) = None
     """Order and kind of the turns: a robot's name, or three axes, small where they rest, capitals where they turn."""
     angle_unit: Literal["rad", "deg"] | None = None
-    """Unit of rotation vector or angles."""
+    """Unit of rotation vector, Euler angles or joints."""
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
     """Direction of the rotation: from sensor to level components, or back; the level frame's z is up, unless
     ``recording.urdf_gravity`` says otherwise."""

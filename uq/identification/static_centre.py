@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from identify.judge.conventions.pose_findings import pose_findings
@@ -24,10 +25,12 @@ from uq.experiment.pose_table import ROTATIONS, Poses, need_table, of_accelerome
 from uq.experiment.recording_table import RecordingTable
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
+from uq.files.units import scale
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.identification.pose_readings import pose_readings
 from uq.identification.undeclared_centre import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
+from uq.recorded.joint_states import Chain
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.time_window import TimeWindow, resolve
 from uq.tables.table_samples import as_recording, silenced
@@ -155,6 +158,9 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     attitude, force, moment = (
         table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
     )
+    if poses.joints is not None:
+        attitude, poses = _by_joints(attitude, poses, experiment.recording, name)
+        experiment = replace(experiment, poses=poses)
     sensed = poses.attitude == "acceleration"
     nothing = np.zeros((len(attitude), 3))
     bag = as_recording(path, force, moment, nothing, attitude if sensed else nothing)
@@ -206,6 +212,15 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), sensed=sensed,
         findings=findings,
     )  # fmt: skip
+
+
+def _by_joints(angles: np.ndarray, poses: Poses, recording: RecordingTable, name: str) -> tuple[np.ndarray, Poses]:
+    """The matrices of the attitudes that joints tell by the robot's description, and what they mean."""
+    chain = Chain.load(recording, tuple(poses.joints or ()), name)
+    turns = chain.attitude(angles * scale(str(poses.angle_unit), "rad"))
+    rows = tuple(f"R{k}" for k in range(9))
+    as_matrix = msgspec.structs.replace(poses, joints=None, matrix=rows, takes="sensor_to_level")
+    return turns.reshape(-1, 9), as_matrix
 
 
 def _leaning(
