@@ -1,6 +1,6 @@
 """Identification of the tensor, with its standard uncertainty, from runs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -25,6 +25,13 @@ FARTHEST = 10.0
 """Distance of a centre of gravity from the load cell [m] beyond which it is no body's: it is in millimetres."""
 SLOWEST = 1.0
 """Rate [Hz] below which no motion is seen: the times are in milliseconds."""
+LIGHTEST = 0.1
+"""Mass, or weight in the mean force over gravity [kg], below which nothing is said of a body's size."""
+DENSEST = 22.6e3
+"""Density of osmium [kg/m³]: a sphere of it has the least trace of all bodies of its mass."""
+WIDEST = 3.0
+"""Radius of gyration [m] beyond which moments are in N·mm or forces in kN: no load cell carries such a body."""
+GRAVITY = 9.80665
 
 
 @explains_names
@@ -92,7 +99,26 @@ def identify(
     )  # fmt: skip
     result = estimator_of(method).fit(problem)
     result = judged(covering_bias(result, result.bias), problem)
+    result = replace(result, warnings=(*_unit_warnings(result, problem.runs), *result.warnings))
     return checked(_validated(result, problem) if validate else result)
+
+
+def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ...]:
+    """Return whether a tensor from arrays is that of no body of the mass, or of the weight that the force shows.
+
+    A recording's units are declared and judged by themselves.
+    """
+    weight = float(np.mean([np.linalg.norm(run.force, axis=1).mean() for run in runs]))
+    mass, trace = result.mass or weight / GRAVITY, float(result.inertia[[0, 3, 5]].sum())
+    if mass < LIGHTEST or any(run.sha256 for run in runs):
+        return ()
+    if trace < 1.2 * mass * (0.75 * mass / (np.pi * DENSEST)) ** (2 / 3):
+        cause = "denser than osmium: is omega in deg/s, or has the force a large offset?"
+        return (f"the tensor is too small for {mass:.3g} kg, {cause}",)
+    if trace > 2 * mass * WIDEST**2:
+        cause = f"over {WIDEST:g} m wide: is the moment in N·mm, or was the cell zeroed with the body on it?"
+        return (f"the tensor is too large for {mass:.3g} kg, {cause}",)
+    return ()
 
 
 def _validated(result: Identification, problem: Problem) -> Identification:
@@ -108,9 +134,12 @@ def _checked(
     sigma_r_cg: Sequence[float | int] | np.ndarray,
 ) -> tuple[tuple[Run, ...], np.ndarray, np.ndarray]:
     """The runs as a tuple, r_CG and its standard uncertainty as arrays."""
-    runs = (runs,) if isinstance(runs, Run) else tuple(runs)
+    runs = (runs,) if isinstance(runs, Run) or not isinstance(runs, Iterable) else tuple(runs)
     if not runs:
         raise RunError("no runs: give one or more")
+    for other in (run for run in runs if not isinstance(run, Run)):
+        cure = "give its .run" if isinstance(getattr(other, "run", None), Run) else "make one by Run.from_arrays"
+        raise TypeError(f"Argument `runs` must be one Run or several, but has a {type(other).__name__}: {cure}.")
     centre, sigma = numbers("r_cg", r_cg), numbers("sigma_r_cg", sigma_r_cg)
     if centre.shape != (3,) or not np.isfinite(centre).all():
         raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")

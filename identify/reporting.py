@@ -196,12 +196,29 @@ class Result(Shown):
     """Base of all results: a result gives its bare numbers by ``records()``, or its ``tables()``."""
 
     hidden = Shown.hidden | {
-        *("computed", "details", "drawings", "file_name", "files", "form", "kind", "name", "rows", "section")
+        *(
+            "computed",
+            "details",
+            "drawings",
+            "file_name",
+            "files",
+            "form",
+            "kind",
+            "name",
+            "pure",
+            "rows",
+            "section",
+            "unit_of_columns",
+        )
     }
     name: str = ""
     """Key of its content in the ``result.json`` of another result that it accompanies."""
     file_name: str = "result.json"
     """The file that holds its content."""
+    unit_of_columns: ClassVar[str] = ""
+    """Unit of the numbers in ``records()``, which :meth:`to_frame` writes behind each name but the ``pure`` ones."""
+    pure: ClassVar[frozenset[str]] = frozenset()
+    """Names in ``records()`` of numbers without a unit."""
     kind: str = ""
     """Kind of the file: ``kind`` in uq/schemas/result.json, whose ``version`` is that of :meth:`form`."""
 
@@ -230,7 +247,7 @@ class Result(Shown):
         return {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare}  # type: ignore[arg-type]
 
     def to_frame(self) -> "DataFrame":
-        """Return :meth:`records` as a pandas DataFrame, the leading texts as its index."""
+        """Return :meth:`records` as a pandas DataFrame: the leading texts are its index, units stand in its columns."""
         from pandas import DataFrame
 
         records = self.records()
@@ -238,7 +255,9 @@ class Result(Shown):
         index = [name for name, _ in takewhile(lambda item: isinstance(item[1], str), first.items())]
         if len(index) == len(first):  # texts alone: only the first names the row
             index = index[:1]
-        return DataFrame.from_records(records, index=index or None)
+        frame = DataFrame.from_records(records, index=index or None)
+        unit = f" [{self.unit_of_columns}]" if self.unit_of_columns else ""
+        return frame.rename(columns=lambda name: name if name in self.pure else f"{name}{unit}")
 
 
 def bare_tables(result: Any) -> list[Table]:

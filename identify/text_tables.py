@@ -12,6 +12,9 @@ from itertools import takewhile
 
 FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+(e−\d+)?|\([\d.]+\))?|−?∞")
 
+WIDEST = 199
+"""Columns of a table that goes to no terminal: an editor or a log shows as many."""
+
 
 @dataclass(frozen=True, repr=False)
 class Table:
@@ -42,17 +45,17 @@ class Table:
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | None = None) -> str:
     """Return an aligned table: text to the left, figures to the right.
 
-    What is wider than ``width`` (None: :func:`terminal_width`) comes in several tables one below the other, each with
-    the leading columns of text; where these leave no room, as one line a figure.
+    What is wider than ``width`` (None: :func:`terminal_width`, or ``WIDEST``) comes in several tables one below the
+    other, each with the leading columns of text; where these leave no room, as one line a figure.
     """
     head, *rows = lines = [[one_line(cell) for cell in row] for row in (head, *rows)]
     widths = [max(_width(line[k]) for line in lines) for k in range(len(head))]
     right = [all(is_figure(row[k]) for row in rows) for k in range(len(head))]
     labels = list(takewhile(lambda k: not right[k], range(len(head))))
     labels = labels[:1] if len(labels) == len(head) else labels
-    limit = terminal_width() if width is None else width
+    limit = width or terminal_width() or WIDEST
     tables = [list(range(len(head)))]
-    if limit is not None and sum(widths) + 2 * (len(head) - 1) > limit:
+    if sum(widths) + 2 * (len(head) - 1) > limit:
         tables = _columns_that_fit(widths, labels, limit)
 
     def draw(line: Sequence[str], columns: Sequence[int]) -> str:
@@ -60,7 +63,7 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | 
         return "  ".join(padding[k] + line[k] if right[k] else line[k] + padding[k] for k in columns).rstrip()
 
     if not tables:
-        return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), limit or 0))
+        return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), limit))
     ruled = [lines[0], ["─" * width for width in widths], *lines[1:]]
     return "\n\n".join("\n".join(draw(line, columns) for line in ruled) for columns in tables)
 

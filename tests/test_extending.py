@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from rig.record.port import converse
+from uq.cli.main import main
 from uq.sources.source import KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -37,19 +38,23 @@ def section(title):
     return sources, [block for kind, block in blocks if kind == "python"]
 
 
-@pytest.fixture
-def extended(tmp_path, monkeypatch):
-    """The page's package as if it were installed, for the length of a test."""
-    kinds, (_, project) = dict(KINDS), USE.search(PAGE.read_text("utf-8")).groups()
-    described = tmp_path / "my_rig-1.0.dist-info"
+def describe(folder, distribution, named):
+    """Write the metadata of an installed distribution with entry points."""
+    described = folder / f"{distribution}-1.0.dist-info"
     described.mkdir()
-    (described / "METADATA").write_text("Name: my-rig\nVersion: 1.0\n")
-    named = tomllib.loads(project)["project"]["entry-points"]
+    (described / "METADATA").write_text(f"Name: {distribution}\nVersion: 1.0\n")
     lines = [
         f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in names.items())
         for group, names in named.items()
     ]
     (described / "entry_points.txt").write_text("".join(lines))
+
+
+@pytest.fixture
+def extended(tmp_path, monkeypatch):
+    """The page's package as if it were installed, for the length of a test."""
+    kinds, (_, project) = dict(KINDS), USE.search(PAGE.read_text("utf-8")).groups()
+    describe(tmp_path, "my_rig", tomllib.loads(project)["project"]["entry-points"])
     shutil.copytree(PAGE.parents[1] / "extensions", tmp_path / "my_rig")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.chdir(ROOT / "uq" / "examples")
@@ -61,6 +66,25 @@ def extended(tmp_path, monkeypatch):
         del sys.modules[module]
     KINDS.clear()
     KINDS.update(kinds)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("acme", "error: 'acme' in inertia_uq.devices, of strange, does not load (ModuleNotFoundError: "),
+        ("bota", "error: strange and inertia-uq both name 'bota' in inertia_uq.devices: uninstall or rename one"),
+    ],
+)
+def test_an_extension_that_cannot_be_used_is_named_in_one_line(name, words, tmp_path, monkeypatch, capsys):
+    describe(tmp_path, "strange", {"inertia_uq.devices": {name: "there_is_no_such_module:Acme"}})
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("rig.devices.ENTRIES", entry_points(group="inertia_uq.devices"))
+    rig = tmp_path / "rig.toml"
+    rig.write_text(f'[[device]]\nname = "a"\nkind = "{name}"\nport = "/dev/null"\n')
+    assert main(["record", str(rig), "-o", str(tmp_path / "run.mcap")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(words)
+    assert len(line) < 200
 
 
 @pytest.mark.parametrize(("group", "room"), GROUPS.items())

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import uq
+from identify.identification import identify
+from identify.signals.run import Run
 from identify.static.centre import centre
 from tests.helpers.pose_lab import directions, wrench_of
 from tests.helpers.small_campaign import document
@@ -21,6 +23,7 @@ CALLS = {
     'identify.identify(run, r_cg=[0, 0, 0.05], estimator="smoothed")': "must be an EstimatorSpec, but is 'smoothed'",
     "identify.identify(run, r_cg=[0, 0, 53])": "r_cg is [0, 0, 53]: give it in metres",
     "identify.identify(replace(run, t=1e3 * run.t), r_cg=[0, 0, 0.05])": "give its times in seconds",
+    "identify.identify(uq.simulate(experiment), r_cg=[0, 0, 0.05])": "has a SimulatedRun: give its .run",
     "identify.omega_r(np.ones((9, 3)), np.ones((9, 3)))": "omega_r takes one sample, (3,), but has (9, 3), (9, 3)",
 }
 SCRIPT = """
@@ -62,3 +65,18 @@ def test_a_centre_counts_as_its_file_does():
     poses = centre(*wrench_of(up), up)
     assert load_centre(poses) is poses
     assert "file" not in centre_provenance(poses, poses)
+
+
+@pytest.mark.parametrize(
+    ("moment_unit", "angular_unit", "words"),
+    [(1.0, 1.0, []), (1e3, 1.0, ["the moment in N·mm"]), (1.0, np.degrees(1.0), ["omega in deg/s"])],
+)
+def test_arrays_in_another_unit_are_named(moment_unit, angular_unit, words):
+    """A sphere of 20 kg and 0.2 m radius, 0.32 kg·m², held by its centre."""
+    t = np.arange(0, 10, 0.005)
+    omega = 2 * np.sin(np.outer(t, [9.0, 8.0, 7.0]))
+    moment = 0.32 * 2 * np.cos(np.outer(t, [9.0, 8.0, 7.0])) * [9.0, 8.0, 7.0]
+    run = Run.from_arrays(t, np.full_like(omega, 20 * 9.81 / 3**0.5), moment_unit * moment, angular_unit * omega)
+    named = [text for text in identify(run, r_cg=(0, 0, 0)).warnings if text.startswith("the tensor is too ")]
+    assert len(named) == len(words)
+    assert all(word in text for text, word in zip(named, words, strict=True))

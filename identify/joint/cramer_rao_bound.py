@@ -32,6 +32,8 @@ class Bound(Result):
     Example: ``bound(run, body, ...).to_frame()`` has the least standard uncertainty of each component.
     """
 
+    unit_of_columns = "kg·m²"
+
     free: tuple[str, ...]
     """The unknowns that are estimated; all others count as exact."""
     covariance: np.ndarray

@@ -36,6 +36,7 @@ class Identification(Result):
     """
 
     kind = "inertia identify"
+    unit_of_columns = "kg·m²"
     inertia: np.ndarray
     """Packed tensor of the body [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual
     variance."""

@@ -23,6 +23,9 @@ class Comparison(Result):
     Example: ``compare(identification, load_reference("body.toml")).to_frame()["normalised_error"]``.
     """
 
+    unit_of_columns = "kg·m²"
+    pure = frozenset({"relative_error", "normalised_error", "normalised_error_with_undeclared"})
+
     result: Identification
     reference: Reference
     name: str = "expected"

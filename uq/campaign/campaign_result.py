@@ -25,6 +25,8 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
     Example: ``montecarlo(Experiment.load("barreto2016"), trials=200).to_frame().loc[("T1", "central", "total")]``.
     """
 
+    unit_of_columns = "kg·m²"
+
     kind = "inertia montecarlo"
     trials: int
     seed: int

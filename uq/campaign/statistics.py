@@ -7,7 +7,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from identify.exceptions import UnknownNameError
-from identify.reporting import Result, Shown
+from identify.reporting import Result, Shown, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 from uq.gram_sums.cases import Case
@@ -105,6 +105,8 @@ class Breakdown(Result, Generic[CaseFigures]):
     Example: ``law(Experiment.load("barreto2016"))["T1", "central"].to_frame().loc[("total", "I33")]``.
     """
 
+    unit_of_columns = "kg·m²"
+
     groups: Mapping[str, CaseFigures]
     """Figures of each case: ``total`` (all sources) and each group alone."""
     sources: Mapping[str, CaseFigures]
@@ -145,12 +147,12 @@ class Breakdown(Result, Generic[CaseFigures]):
             return float(np.mean(alone.three_sigma / self.total.three_sigma))
 
     def records(self) -> list[dict[str, Any]]:
-        """Return the figures of each case and component, in g·m²."""
+        """Return the figures of each case and component, in kg·m²."""
         return [
             {"case": name, "component": component}
-            | {key: values[component] for key, values in figures.to_dict().items() if key != "covariance"}
+            | {key: plain(float(getattr(figures, key)[k])) for key in figures.to_dict() if key != "covariance"}
             for name, figures in self.cases.items()
-            for component in COMPONENTS
+            for k, component in enumerate(COMPONENTS)
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -217,7 +219,7 @@ class ByTrajectory(Generic[Content]):
         return [(trajectory, estimator) for trajectory, names in self.breakdowns.items() for estimator in names]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return the records of every trajectory and estimator, in g·m², which these two name."""
+        """Return the records of every trajectory and estimator, which these two name."""
         return [
             {"trajectory": trajectory, "estimator": estimator, **record}
             for trajectory, estimator in self.pairs()

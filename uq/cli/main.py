@@ -9,12 +9,13 @@ import importlib.util
 import keyword
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
 from identify.rounding import concise
 from rig import read_limits
-from rig.exceptions import cure, quoted
+from rig.exceptions import cure, quoted, reason
 from uq.files.mistakes import MISTAKES
 from uq.terminal.command_parser import CommandParser, complain
 from uq.terminal.interrupt import STATUS as INTERRUPTED
@@ -41,6 +42,8 @@ COMMANDS = {
 }
 
 
+OURS = "inertia-uq"
+"""Name of this distribution."""
 BROKEN_PIPE = 141
 """Exit status where nobody reads on: 128 and the number of SIGPIPE, which not every system has."""
 WITHOUT_JAX = ("record", "recover", "inspect", "examples", "schema")
@@ -66,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(argv: list[str], interrupt: Interrupt | None) -> int:
     """Run one command; what it meets is one line."""
     try:
-        status = _run(argv, interrupt)
+        status = _with_extensions(argv, interrupt)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads has enough, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -88,6 +91,34 @@ def _status(argv: list[str], interrupt: Interrupt | None) -> int:
     # Here, where the error and all that its frames held is gone, is memory to say so.
     complain("out of memory: give this process more (ulimit -v, the job's limit), or ask for less at once")
     return 2
+
+
+def _with_extensions(argv: list[str], interrupt: Interrupt | None) -> int:
+    """Run one command; an extension that does not load, or whose name another one has, is one line and status 2."""
+    named: dict[tuple[str, str], importlib.metadata.EntryPoint] = {}
+    entries = importlib.metadata.entry_points()
+    for group in (group for group in entries.groups if group.startswith("inertia_uq.")):
+        for entry in entries.select(group=group):
+            other = named.setdefault((entry.group, entry.name), entry)
+            if other.value != entry.value:
+                both = f"{_distribution(other)} and {_distribution(entry)}"
+                complain(f"{both} both name {quoted(entry.name)} in {entry.group}: uninstall or rename one")
+                return 2
+    try:
+        return _run(argv, interrupt)
+    except Exception as error:
+        selves = [frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__)]
+        loading = [s for s in selves if isinstance(s, importlib.metadata.EntryPoint)]
+        if not loading or _distribution(loading[0]) == OURS:
+            raise
+        entry = loading[0]
+        what = f"{quoted(entry.name)} in {entry.group}, of {_distribution(entry)}, does not load"
+        complain(f"{what} ({type(error).__name__}: {reason(error)}): correct or uninstall it")
+        return 2
+
+
+def _distribution(entry: importlib.metadata.EntryPoint) -> str:
+    return entry.dist.name if entry.dist else "a package"
 
 
 def _run(argv: list[str], interrupt: Interrupt | None) -> int:
@@ -165,7 +196,7 @@ def _other_identify() -> str | None:
 
 def _version() -> str:
     try:
-        return importlib.metadata.version("inertia-uq")
+        return importlib.metadata.version(OURS)
     except importlib.metadata.PackageNotFoundError:
         return "(not installed)"
 

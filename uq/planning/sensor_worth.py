@@ -35,6 +35,9 @@ class SensorWorth(Result):
     Example: ``sensor_worth(Experiment.load("barreto2016")).to_frame()["derivative"].unstack()``.
     """
 
+    unit_of_columns = "kg·m²"
+    pure = frozenset({"derivative"})
+
     sources: tuple[str, ...]
     trajectory: str
     estimator: str
@@ -71,10 +74,10 @@ class SensorWorth(Result):
         }  # fmt: skip
 
     def records(self) -> list[dict[str, Any]]:
-        """Return derivative and 3σ with half the sigma, in g·m², by source and component."""
+        """Return derivative and 3σ with half the sigma, in kg·m², by source and component."""
         return [
             {"source": source, "component": component, "derivative": self.derivative[s, k]}
-            | {"three_sigma_if_halved": GRAM_METRE * self.halved[s, k]}
+            | {"three_sigma_if_halved": self.halved[s, k]}
             for s, source in enumerate(self.sources)
             for k, component in enumerate(COMPONENTS)
         ]

@@ -6,10 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.rounding import significant
-from rig.exceptions import quoted
+from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
 from uq.sources.draws import Mixing
 from uq.sources.source import SignalRange, Source
+
+LONGEST = 140
+"""Most characters of sources and options that a message gives in full."""
 
 
 class Peaks(NamedTuple):
@@ -30,11 +33,14 @@ class BeyondLawError(ExperimentError):
 
     def __init__(self, reasons: Mapping[str, str], shares: Mapping[str, float] | None = None) -> None:
         self.reasons, self.shares = dict(reasons), {k: v for k, v in (shares or {}).items() if k in reasons}
-        text = ", ".join(f"{quoted(name)} {reason}{self._share(name)}" for name, reason in self.reasons.items())
-        options = " ".join(f"--without {name if name.isidentifier() else quoted(name)}" for name in self.reasons)
-        many = f"{len(self.reasons)} sources" if len(self.reasons) > 1 else "a source"
-        them = "them" if len(self.reasons) > 1 else "it"
-        super().__init__(f"the law does not take {many}: {text}; leave {them} out ({options}), or use the Monte Carlo")
+        names = [name if name.isidentifier() else quoted(name) for name in self.reasons]
+        options = " ".join(f"--without {name}" for name in names)
+        sources = ", ".join(f"{quoted(name)} {reason}{self._share(name)}" for name, reason in self.reasons.items())
+        if len(sources) + len(options) > LONGEST:
+            sources = listed(f"{name}{self._share(name)}" for name in self.reasons)
+        if len(sources) + len(options) > LONGEST:
+            options = "--without NAME"
+        super().__init__(f"the law does not take: {sources}; leave out ({options}), or use the Monte Carlo")
 
     def _share(self, name: str) -> str:
         share = self.shares.get(name)

@@ -79,6 +79,8 @@ class LawResult(ByTrajectory[Breakdown[LawStatistics]], Result):
     Example: ``law(Experiment.load("barreto2016")).to_frame().loc[("T1", "central", "total")]``.
     """
 
+    unit_of_columns = "kg·m²"
+
     name = "law"
     kind = "inertia law"
     nominal: np.ndarray

@@ -35,6 +35,8 @@ class Achieved(Result):
     Example: ``achieved(Experiment.load("designed.toml"), "run.mcap").to_frame()``.
     """
 
+    unit_of_columns = "kg·m²"
+
     trajectory: str
     run: str
     followed: Followed

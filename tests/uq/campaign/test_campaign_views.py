@@ -57,7 +57,7 @@ def test_a_breakdown_and_its_statistics_show_themselves_in_gram(result):
 def test_a_breakdown_is_part_of_the_frame(result):
     frame = result["T1", "smoothed"].to_frame()
     assert frame.equals(result.to_frame().loc["T1", "smoothed"])
-    assert frame.loc[("imu", "I33"), "three_sigma"] == 1e3 * result["T1", "smoothed"].groups["imu"].three_sigma[5]
+    assert frame.loc[("imu", "I33"), "three_sigma [kg·m²]"] == result["T1", "smoothed"].groups["imu"].three_sigma[5]
 
 
 def test_the_samples_come_as_an_array_with_names(result):

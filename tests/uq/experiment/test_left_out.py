@@ -83,5 +83,5 @@ def test_shares_are_told_where_a_monte_carlo_of_the_file_is_in_the_folder(many, 
     written("0" * 64)
     assert "%" not in refused(tmp_path)
     written(many.file["sha256"])
-    assert "'F_flicker' is noise that is not white (alone 12 % of the 3σ); leave it out" in refused(tmp_path)
+    assert "'F_flicker' is noise that is not white (alone 12 % of the 3σ); leave out (" in refused(tmp_path)
     assert "%" not in refused(None)

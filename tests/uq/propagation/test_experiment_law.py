@@ -273,7 +273,8 @@ def test_all_that_the_law_cannot_take_is_listed_at_once():
         law(Experiment.load("uq/examples/many-errors.toml"))
     assert list(refused.value.reasons) == ["F_flicker", "F_resolution", "gyro_noise"]
     line = str(refused.value)
-    assert "does not take 3 sources: 'F_flicker' is noise that is not white" in line
+    assert line.startswith("the law does not take: F_flicker, F_resolution, gyro_noise; leave out (")
+    assert len(line) < 190
     assert "(--without F_flicker --without F_resolution --without gyro_noise)" in line
     assert "alone 12 % of the 3σ" in str(BeyondLawError(refused.value.reasons, {"F_flicker": 0.123, "other": 1.0}))
 

@@ -48,7 +48,7 @@ def test_a_figure_is_drawn_into_another_one():
 def test_frames_hold_the_numbers_by_name():
     result = campaign()
     row = result.to_frame().loc[("T1", "central", "imu", "I33")]
-    assert row["mean_error"] == 1e3 * result["T1", "central"].groups["imu"].mean_error[5]
+    assert row["mean_error [kg·m²]"] == result["T1", "central"].groups["imu"].mean_error[5]
     centre = series(np.random.default_rng(0))
     assert centre.to_frame().loc[("cg_y", "m"), "standard_uncertainty"] == centre.standard_uncertainty[2]
     law = propagate(lambda x: x["a"] * x["b"], {"a": Normal(1.0, 0.1), "b": Normal(2.0, 0.3)})

@@ -39,6 +39,8 @@ class DesignReport(MotionReport):
     Example: ``design_report(design(experiment)).to_frame().loc["designed"]``.
     """
 
+    unit_of_columns = "kg·m²"
+
     kind = "inertia design"
     design: Design
     goal: str
@@ -65,10 +67,10 @@ class DesignReport(MotionReport):
         return {goal: None if bound is None else float(getattr(bound, goal)) for goal in BOTH}
 
     def records(self) -> list[dict[str, Any]]:
-        """Return predicted 3σ, mean error and 3√(σ² + mean error²) by trajectory and component, in g·m²."""
+        """Return predicted 3σ, mean error and 3√(σ² + mean error²) by trajectory and component, in kg·m²."""
         return [
             {"trajectory": name, "component": component}
-            | {key: GRAM_METRE * getattr(law.total, key)[k] for key in ("three_sigma", "mean_error", "three_rms")}
+            | {key: getattr(law.total, key)[k] for key in ("three_sigma", "mean_error", "three_rms")}
             for name, law in self.laws.items()
             for k, component in enumerate(COMPONENTS)
         ]

@@ -29,6 +29,8 @@ class Certificate(Result):
     Example: ``write(Certificate(identify_files(["run.mcap"], experiment)), Path("folder"))``.
     """
 
+    unit_of_columns = "kg·m²"
+
     identification: Identification
 
     @cached_property
