@@ -137,8 +137,9 @@ def _carried(run: PredictedWrench, force: Float[np.ndarray, "n 3 p"]) -> np.ndar
     return np.concatenate([force, lever], axis=1) * (run.force_from == "accelerometer")
 
 
-def _accelerometer_place(run: PredictedWrench) -> Made:
-    return _carried(run, -run.x["mass"] * run.signals.levers), np.full(3, 0.01)
+def accelerometer_place(run: PredictedWrench) -> np.ndarray:
+    """Return what a metre of the accelerometer's place adds to the wrench, (n, 6, 3), where it tells the force."""
+    return _carried(run, -run.x["mass"] * run.signals.levers)
 
 
 def accelerometer_scale(run: PredictedWrench) -> np.ndarray:
@@ -230,7 +231,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.AIR: _wrench(_air, 0.02),
     Finding.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
     Finding.TENSOR: _wrench(_moving, 0.01),
-    Finding.ACCELEROMETER_PLACE: _accelerometer_place,
+    Finding.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, 0.01)),
     Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, 0.005)),
     Finding.CLOCK: _clock,
     Finding.FILTER: _wrench(_late, 0.02),

@@ -40,6 +40,7 @@ KINDS: Mapping[str, Kind] = {
     "gravity": Kind("error of gravity", "m/s²", 1, "gravity", "bias"),
     "mounting_frequency": Kind("flexibility of the mounting", "Hz", 1),
     "accelerometer_scale": Kind("scale of the accelerometer", "%", 100),
+    "accelerometer_place": Kind("place of the accelerometer", "mm", 1e3),
 }
 """Description of each error by its key in ``[undeclared]``."""
 

@@ -57,6 +57,9 @@ class UndeclaredTable(TomlTable, frozen=True, kw_only=True):
     """Local gravity less the stated one."""
     accelerometer_scale: Annotated[float | None, typical("%")] = 0.003
     """Scale error of each axis of the accelerometer, where the estimate takes the specific force from it."""
+    accelerometer_place: Annotated[float | None, typical("m")] = 0.002
+    """Error of the accelerometer's place (imu_position) on each axis, where the estimate takes the specific force from
+    it."""
 
 
 NONE = UndeclaredTable(**dict.fromkeys(UndeclaredTable.__struct_fields__))

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
 from identify.judge.findings import Finding
-from identify.judge.held_errors import ACCELEROMETER_SCALE, FLEXIBILITY
+from identify.judge.held_errors import FLEXIBILITY, OF_ACCELEROMETER
 from identify.methods.base import estimator_of
 from identify.results.alignment import TURNED, turn_warnings
 from identify.results.identification_result import Identification
@@ -76,8 +76,9 @@ def with_undeclared(
     if FLEXIBILITY in by_held and table.mounting_frequency is not None:
         natural = 2 * np.pi * table.mounting_frequency
         changes["mounting_frequency"] = by_held[FLEXIBILITY].sum(axis=1, keepdims=True) / natural**2
-    if ACCELEROMETER_SCALE in by_held and table.accelerometer_scale is not None:
-        changes["accelerometer_scale"] = table.accelerometer_scale * by_held[ACCELEROMETER_SCALE]
+    for name in OF_ACCELEROMETER:
+        if name in by_held and (figure := getattr(table, name)) is not None:
+            changes[name] = figure * by_held[name]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
         changes["mass"] = _of_mass(table.mass * result.mass, by_held)
     if pose_effects:
