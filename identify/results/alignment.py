@@ -50,9 +50,6 @@ class Aligned:
         return figures | {"estimated": self.estimated}
 
 
-TURNED = "IMU and load cell are turned against each other by"
-
-
 def alignment_warnings(delay: Aligned, rotation: Aligned | None) -> list[str]:
     """Return a warning for each quantity whose uncertainty is mostly the declared one; None: it is not asked for."""
     warnings = []
@@ -90,7 +87,7 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     angles = listed(np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty))
     by = significant(GRAM_METRE * other[worst], 2, signed=True)
     return [
-        f"{TURNED} ({angles})°: taken as the IMU's; were it the load cell's, "
+        f"IMU and load cell are turned against each other by ({angles})°: taken as the IMU's; were it the load cell's, "
         f"{COMPONENTS[worst]} would be {by} g·m² different: declare a misalignment of the "
         "wrench, or sigma_rotation where it is the IMU's"
     ]

@@ -13,10 +13,8 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
-from identify.judge.findings import Finding
 from identify.judge.held_errors import FLEXIBILITY, OF_ACCELEROMETER
 from identify.methods.base import estimator_of
-from identify.results.alignment import TURNED, turn_warnings
 from identify.results.identification_result import Identification
 from identify.results.undeclared import Effect, Undeclared
 from identify.rounding import exact
@@ -103,10 +101,6 @@ def noted(result: Identification) -> Identification:
         added = 4 * np.square(cause.changes or np.inf) + cause.share * half**2
         allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * wide_half**2, 4 * wide_half**2)
         consistency.append(cause._replace(note=bool((added <= allowed).all())))
-    if result.rotation is not None and not turn_warnings(result.rotation, result.inertia, wide_half[4:]):
-        turned = [text for text in result.warnings if text.startswith(TURNED)]
-        verdicts = [Finding.ROTATION.verdict("", axis="", share=0.0, text=text) for text in turned]
-        consistency += [verdict._replace(note=True) for verdict in verdicts]
     notes = {cause.text for cause in consistency if cause.note}
     warnings = tuple(text for text in result.warnings if text not in notes)
     return replace(result, consistency=tuple(consistency), warnings=warnings)
