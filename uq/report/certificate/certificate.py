@@ -149,10 +149,11 @@ class Certificate(Result):
         )
 
     def verdict(self) -> str:
-        """Return what is contradicted, the statement of conformity, and whether checks are passed and items stated."""
+        """Return whether the figures may be used, conformity, and whether checks are passed and items stated."""
         rule, outcomes = self.report.conformity, {decision.component: decision.outcome for decision in self.decisions}
         contradicted = self.identification.contradicted
-        texts = [sentence(f"{contradicted}: {NO_INTERVAL}")] if contradicted else []
+        trust = identification_view.trust(self.identification)
+        texts = [sentence(f"{contradicted}: {NO_INTERVAL}") if contradicted else trust]
         if rule is not None and set(outcomes.values()) == {"conforms"}:
             texts.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:

@@ -1,6 +1,8 @@
 """The view of a campaign: totals, shares, coverage intervals, breakdowns; in g·m²."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -74,9 +76,21 @@ def section(result: MonteCarloResult) -> Section:
     )  # fmt: skip
 
 
+def _differentiator(table: Mapping[str, Any]) -> str:
+    """Return in brackets how an estimator differentiates the angular velocity, as its table says."""
+    name, band = table.get("differentiator"), f" matched to {table['band']}" if "band" in table else ""
+    return (
+        f" (angular acceleration by {'central difference' if name == 'central' else name.title()}{band})"
+        if name
+        else ""
+    )
+
+
 def computed(result: MonteCarloResult) -> str:
     """Return what was computed, in a paragraph."""
     names = {estimator: None for breakdowns in result.breakdowns.values() for estimator in breakdowns}
+    declared = {table["name"]: table for table in result.provenance.get("experiment", {}).get("estimator", [])}
+    estimators = [f"{name}{_differentiator(declared.get(name, {}))}" for name in names]
     by_samples = [
         f" {name}, {case} by samples: {reason}."
         for name, choice in result.provenance.get("computed", {}).items()
@@ -85,7 +99,7 @@ def computed(result: MonteCarloResult) -> str:
     return (
         f"{result.trials:,} {result.points} trials on {result.provenance.get('engine', 'sums')}, seed {result.seed}. "
         f"Trajectories: {', '.join(result.breakdowns)}. "
-        f"Estimators: {', '.join(names)}. In each trial every error source is drawn once; the tensor is then "
+        f"Estimators: {', '.join(estimators)}. In each trial every error source is drawn once; the tensor is then "
         "estimated with all sources together, with each group alone and with each source alone."
         f"{''.join(by_samples)}"
     )
