@@ -141,6 +141,17 @@ class PosedForce:
             zero: whether the load cell's zero F0 is free.
             turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
         """
+        rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
+        values, *_ = np.linalg.lstsq(rows, answer, rcond=1e-9)
+        misfit = float(np.mean((answer - rows @ values) ** 2))
+        free = max(1 - np.linalg.matrix_rank(rows) / self.independent_values, 0.1)
+        variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
+        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+        if self.specific is None:
+            covariance[0, 0] = np.inf
+        return GravityFit(values, covariance, misfit)
+
+    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
         n, unit = len(self.force), np.eye(3)
         specific = np.zeros((n, 3)) if self.specific is None else self.specific
         blocks = [specific[:, :, None], self.to_rest.swapaxes(1, 2) * float(lift)]
@@ -150,16 +161,7 @@ class PosedForce:
             blocks.append(np.einsum("ij,nk->nijk", unit, specific).reshape(n, 3, 9))
         blocks.append(np.broadcast_to(unit * float(zero), (n, 3, 3)))
         columns = np.concatenate(blocks, axis=2)
-        rows = self.smooth(columns.reshape(n, -1)).reshape(-1, columns.shape[2])
-        answer = self._answer.reshape(-1)
-        values, *_ = np.linalg.lstsq(rows, answer, rcond=1e-9)
-        misfit = float(np.mean((answer - rows @ values) ** 2))
-        free = max(1 - np.linalg.matrix_rank(rows) / self.independent_values, 0.1)
-        variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
-        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
-        if self.specific is None:
-            covariance[0, 0] = np.inf
-        return GravityFit(values, covariance, misfit)
+        return self.smooth(columns.reshape(n, -1)).reshape(-1, columns.shape[2])
 
     def mass_step(self) -> MassStep:
         """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
@@ -188,8 +190,11 @@ class PosedForce:
     def best_yaw(self) -> float:
         """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""
         best, width = 0.0, np.pi
+        rows = self._rows(lift=True, zero=True, turned=False)  # those of every yaw, which turns the force alone
         for _ in range(REFINED):
             yaws = best + np.linspace(-width, width, YAWS, endpoint=False)
-            best = float(yaws[int(np.argmin([self.turned_back(yaw).fit().misfit for yaw in yaws]))])
+            answers = np.stack([self.turned_back(yaw)._answer.reshape(-1) for yaw in yaws], axis=1)
+            values, *_ = np.linalg.lstsq(rows, answers, rcond=1e-9)
+            best = float(yaws[int(np.argmin(np.square(answers - rows @ values).sum(axis=0)))])
             width *= 3 / YAWS
         return float((best + np.pi) % (2 * np.pi) - np.pi)
