@@ -263,7 +263,8 @@ class Result(Shown):
 def bare_tables(result: Any) -> list[Table]:
     """Return the bare numbers of a result, in the units of its ``records()``, as a table."""
     records = result.records()
-    return [Table("", list(records[0]), [list(map(_bare, record.values())) for record in records])]
+    unit = getattr(result, "unit_of_columns", "")
+    return [Table(unit, list(records[0]), [list(map(_bare, record.values())) for record in records])]
 
 
 def _bare(value: Any) -> str:
