@@ -305,16 +305,16 @@ def write(path, run, source, container):
     return path
 
 
-def experiment(folder, source, *, known=False, band=BAND, **recording):
-    """The experiment file of a run; ``known``: its body, too; ``recording``: further keys, as TOML has them."""
+def experiment(folder, source, *, body_declared=False, band=BAND, **recording):
+    """The experiment file of a run; ``body_declared``: its body, too; ``recording``: further keys, as TOML has them."""
     keys = {"wrench": "on_body", "method": "joint"} | recording
     if source == "joints":
         urdf(folder / "arm.urdf")
         down = ["0 m/s^2", "0 m/s^2", f"-{G} m/s^2"]
         keys = {"urdf": "arm.urdf", "urdf_frame": "tool", "urdf_gravity": down} | keys
     lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in keys.items())
-    r_cg = '["20 mm", "-30 mm", "48 mm"]\nmass = "2 kg"' if known else '["0 mm", "0 mm", "50 mm"]'
-    sigma = "0.001 m" if known else "0.1 m"
+    r_cg = '["20 mm", "-30 mm", "48 mm"]\nmass = "2 kg"' if body_declared else '["0 mm", "0 mm", "50 mm"]'
+    sigma = "0.001 m" if body_declared else "0.1 m"
     (folder / "e.toml").write_text(
         f'[body]\nr_cg_from_q = {r_cg}\n[platform]\ngravity = "9.81 m/s^2"\n'
         '[[estimator]]\nname = "s"\ndifferentiator = "savitzky-golay"\n'
@@ -346,13 +346,13 @@ def main(arguments=None):
     asked = parser.parse_args(arguments)
     totals = np.zeros(3, int)
     for source, rate in CLEAN:
-        for known in (False, True):
+        for body_declared in (False, True):
             counts = np.zeros(3, int)
             for seed in range(asked.runs):
                 with tempfile.TemporaryDirectory() as folder:
                     path = write(Path(folder) / f"{source}-{seed}", measured(seed, rate=rate), source, "mcap")
                     band = min(BAND, 0.035 * rate)  # the highest that joints of this rate tell
-                    declared = experiment(Path(folder), source, known=known, band=band)
+                    declared = experiment(Path(folder), source, body_declared=body_declared, band=band)
                     run = load(path, declared.recording, band=band, marks=False).run
                     texts = [str(finding) for finding in experiment_findings(run, declared)]
                     warned = ()
@@ -365,7 +365,7 @@ def main(arguments=None):
                 for text in (*texts, *warned):
                     print(f"{source}, {rate:g} Hz, seed {seed}: {text}", flush=True)
             totals += counts
-            mass = "mass declared" if known else "mass unknown"
+            mass = "mass declared" if body_declared else "mass unknown"
             print(f"{source}, {rate:g} Hz, {mass}: {_told(counts, asked.identify)}", flush=True)
     print(f"in all: {_told(totals, asked.identify)}")
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from identify.estimators.admissible_tensor import distance_from_bodies
 from identify.exceptions import RunError
-from identify.reporting import plain
+from identify.reporting import Result, plain
 from identify.results.declaration import status
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.rounding import common, significant
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody, principal_axes
-from uq.files.output_folder import FilesResult
+from uq.files.output_folder import HasFiles
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
@@ -26,7 +26,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True, repr=False)
-class Exported(FilesResult):
+class Exported(HasFiles, Result):
     """Export files, made but not yet written.
 
     Example: ``export(identification, "urdf,mjcf").write("folder")``.

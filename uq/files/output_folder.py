@@ -5,7 +5,6 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from identify.reporting import Result
 from rig.atomic_files import naming
 
 
@@ -23,8 +22,8 @@ def place(content: Mapping[str, bytes], out: Path) -> None:
             os.replace(Path(folder, name), out / name)
 
 
-class FilesResult(Result):
-    """Base of results that bring files of their own, made but not yet written."""
+class HasFiles:
+    """Mixin of results that bring files of their own, made but not yet written."""
 
     contents: Mapping[str, str | bytes]
     """Contents of the files by name."""

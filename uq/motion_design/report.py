@@ -4,10 +4,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
-from uq.files.output_folder import FilesResult
+from identify.reporting import Result
+from uq.files.output_folder import HasFiles
 
 
-class MotionReport(FilesResult, ABC):
+class MotionReport(HasFiles, Result, ABC):
     """The report of a designed motion; a subclass states its warnings and its numbers."""
 
     goal: str

@@ -113,8 +113,8 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
 def test_an_axis_of_the_gyro_that_is_late_is_no_g_sensitivity(method):
     result = identified(measure(3, gyro_axis_delay=(0, 4e-3, 0), **SHORT), method)
     assert [verdict.cause for verdict in result.consistency] == ["delay"]
-    late = re.search(r"axes came late by \((\S+) ± \S+, (\S+) ± \S+, (\S+) ±", result.warnings[-1]).groups()
-    np.testing.assert_allclose([float(value.replace("−", "-")) for value in late], [0, 4, 0], atol=0.3)
+    delays = re.search(r"axes came late by \((\S+) ± \S+, (\S+) ± \S+, (\S+) ±", result.warnings[-1]).groups()
+    np.testing.assert_allclose([float(value.replace("−", "-")) for value in delays], [0, 4, 0], atol=0.3)
 
 
 def test_stamps_that_jitter_are_the_reason_of_a_refusal():

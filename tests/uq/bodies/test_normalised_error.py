@@ -204,10 +204,10 @@ def test_a_wrong_unit_is_named(generator, unit, factor):
 def test_a_slip_of_sign_or_decimal_point_is_named(generator, component, factor):
     """A negative moment is no body's, and compared all the same."""
     slipped = written("CG", "tensor") * np.where(np.arange(6) == component, factor, 1.0)
-    (one,) = suspicions(measured(generator), cad(slipped))
-    assert one.cause == "slip"
+    (suspicion,) = suspicions(measured(generator), cad(slipped))
+    assert suspicion.cause == "slip"
     name = ("I11", "I12", "I13", "I22")[component]
-    assert f"its {name} is multiplied by {1 / factor:g}" in one.text
+    assert f"its {name} is multiplied by {1 / factor:g}" in suspicion.text
 
 
 @pytest.mark.parametrize("products", ["tensor", "integral"])

@@ -337,9 +337,9 @@ def test_each_still_segment_of_a_run_is_a_pose(tmp_path, generator):
 
 def test_the_quaternion_of_an_imu_without_accelerometer_weighs_the_body(tmp_path, generator):
     path = recorded(tmp_path / "run.mcap", generator, accelerometer=False, oriented=True)
-    found = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}}))
-    assert found.poses == 8
-    assert (np.abs(found.values - TRUTH) < 5 * found.standard_uncertainty + 1e-6).all()
+    centre = centre_file(path, Experiment.from_dict({"platform": {"gravity": "9.81 m/s^2"}}))
+    assert centre.poses == 8
+    assert (np.abs(centre.values - TRUTH) < 5 * centre.standard_uncertainty + 1e-6).all()
 
 
 def test_only_the_named_parts_of_a_run_count(tmp_path, generator, capsys):

@@ -13,8 +13,9 @@ import numpy as np
 from identify.motion.euler_angles import ORDER
 from identify.motion.leg_limits import leg_lengths
 from identify.motion.stewart_platform import Pose
+from identify.reporting import Result
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
-from uq.files.output_folder import FilesResult
+from uq.files.output_folder import HasFiles
 from uq.motion_design.commanded import PlatformCommand
 from uq.motion_design.motion_formats import MotionFile, formats, written
 from uq.planning.platform_run import motion_at
@@ -30,7 +31,7 @@ MEANING = {
 
 
 @dataclass(frozen=True, repr=False)
-class MotionExport(FilesResult):
+class MotionExport(HasFiles, Result):
     """Files of one motion, read back and checked, not yet written.
 
     Example: ``export_motion(experiment, experiment.trajectories["T1"]).write("folder")``.
