@@ -114,7 +114,9 @@ class TrialLoop:
 
         def joined(*leaves: np.ndarray) -> np.ndarray:
             values = np.concatenate(leaves)[first - before : last - before]
-            return np.where(np.abs(values) < OVERFLOW, values, np.nan) if values.dtype.kind == "f" else values
+            if values.dtype.kind != "f":
+                return values
+            return np.where(np.abs(values, dtype=float) < OVERFLOW, values, np.nan)  # float32 does not hold the limit
 
         return jax.tree.map(joined, *self.segments[begin : end + 1])
 

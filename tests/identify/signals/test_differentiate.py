@@ -17,10 +17,10 @@ from identify.signals.differentiate import (
 from identify.signals.estimator_spec import EstimatorSpec
 
 
-@pytest.mark.parametrize(("window", "order"), [(5, 2), (5, 4), (41, 4), (39, 4), (101, 6)])
-def test_savitzky_golay_is_scipys(window, order):
-    theirs = savgol_coeffs(window, order, deriv=1, delta=1 / 400, use="dot")
-    ours = savitzky_golay(400.0, window, order)
+@pytest.mark.parametrize("window", [5, 39, 41, 101])
+def test_savitzky_golay_is_scipys(window):
+    theirs = savgol_coeffs(window, 4, deriv=1, delta=1 / 400, use="dot")
+    ours = savitzky_golay(400.0, window)
     np.testing.assert_allclose(ours, theirs[window // 2 + 1 :], atol=1e-11 * abs(theirs).max())
     np.testing.assert_allclose(-ours[::-1], theirs[: window // 2], atol=1e-11 * abs(theirs).max())
 
@@ -58,13 +58,10 @@ def test_noise_gain_is_measured_on_white_noise(generator):
         np.testing.assert_allclose(measured, spec.alpha_noise_gain(400.0), rtol=0.04)
 
 
-@pytest.mark.parametrize(
-    ("window", "order"),
-    [(4, 2), (5, 5), (3, 4)],
-)
-def test_a_window_that_cannot_be_is_refused(window, order):
+@pytest.mark.parametrize("window", [3, 6])
+def test_a_window_that_cannot_be_is_refused(window):
     with pytest.raises(ValueError, match="must be odd and more than the order"):
-        savitzky_golay(400.0, window, order)
+        savitzky_golay(400.0, window)
 
 
 def test_a_rate_too_low_for_the_band_is_refused():
