@@ -37,7 +37,7 @@ def clean():
 
 def judged(path, folder, row, **declared):
     """The run as declared, its weight put back, and the labels and texts of what is suspicious."""
-    experiment = posed_runs.experiment(folder, row["source"], known=row.get("known", False), **declared)
+    experiment = posed_runs.experiment(folder, row["source"], body_declared=row.get("known", False), **declared)
     run, _ = undo(load(path, experiment.recording, band=posed_runs.BAND, marks=False).run, (), experiment)
     return run, [(finding.kind, finding.text) for finding in experiment_findings(run, experiment, undone=True)]
 
