@@ -25,14 +25,14 @@ HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
 """Unknowns of :data:`identify.joint.joint_model.SIZES` that an estimate may take as exact, or from static poses."""
 FLEXIBILITY = "flexibility"
 """Unknown of the mounting's flexibility about each axis: the body's angular frequency on it, to the power −2 [s²]."""
-OF_ACCELEROMETER = {"accelerometer_scale": accelerometer_scale, "accelerometer_place": accelerometer_place}
+ACCELEROMETER_ERRORS = {"accelerometer_scale": accelerometer_scale, "accelerometer_place": accelerometer_place}
 """Functions that give what relative errors of its scale factors, and a metre of its place, add to the wrench."""
 
 
 def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunFit]) -> dict[str, np.ndarray]:
     """Return the derivatives of the ten parameters (mass, r_CG, tensor) by errors that count as zero, (10, p) each.
 
-    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`OF_ACCELEROMETER`.
+    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`ACCELEROMETER_ERRORS`.
 
     Args:
         result: of an estimator.
@@ -55,7 +55,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
 def _held(run: PredictedWrench) -> dict[str, Columns]:
     columns = {name: run.derivative(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
     if run.force_from == "accelerometer":
-        columns |= {name: signals(run) for name, signals in OF_ACCELEROMETER.items()}
+        columns |= {name: signals(run) for name, signals in ACCELEROMETER_ERRORS.items()}
     return columns
 
 

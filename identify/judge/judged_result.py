@@ -55,7 +55,7 @@ Prior: wider than any rig.
 """
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
-OF_ACCELEROMETER = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
+ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -137,7 +137,7 @@ def _of_run(
         for cause in judgement.causes:
             named.setdefault(cause.evidence.cause.finding, cause)
     if result.method != "joint":
-        named = {finding: cause for finding, cause in named.items() if finding not in OF_ACCELEROMETER}
+        named = {finding: cause for finding, cause in named.items() if finding not in ACCELEROMETER_CAUSES}
     exact = declared_quantities.exact_quantities(problem)
     best = min(judgements, key=lambda judgement: judgement.unexplained)
     left_over = best.unexplained
@@ -147,8 +147,8 @@ def _of_run(
         if result.method != "joint":
             changes = np.append(np.zeros(4), tensor_change(fits[:1], [1.0], [cause.evidence.added[:, :, None]]))
         if finding in exact:  # which the result keeps
-            own = cause.evidence.cause.size * cause.evidence.coefficients
-            changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact[finding]]] = own
+            departure = cause.evidence.cause.size * cause.evidence.coefficients
+            changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact[finding]]] = departure
         shift = changes[4:]
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))

@@ -57,9 +57,11 @@ def outliers(
     measured = np.hstack(signals[:2])
     within = everyone = fit(signals, attitudes, counted, memory=memory)
     while counted.sum() >= LEAST_POSES and len(candidates) < min(used.sum() // 4, MOST):
-        own = np.sqrt(np.maximum(1 - within.leverage, LEAST_FREE))
-        studentised = np.abs(within.residuals) / own
-        place, axis = np.unravel_index(np.argmax(studentised / residual_scatter(within, measured)), own.shape)
+        root_redundancy = np.sqrt(np.maximum(1 - within.leverage, LEAST_FREE))
+        studentised = np.abs(within.residuals) / root_redundancy
+        place, axis = np.unravel_index(
+            np.argmax(studentised / residual_scatter(within, measured)), root_redundancy.shape
+        )
         candidates.append(int(np.flatnonzero(counted)[place]))
         limits = _limits(within)
         counted[candidates[-1]] = False

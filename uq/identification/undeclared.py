@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
-from identify.judge.held_errors import FLEXIBILITY, OF_ACCELEROMETER
+from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
 from identify.results.undeclared import Effect, Undeclared
@@ -74,7 +74,7 @@ def with_undeclared(
     if FLEXIBILITY in by_held and table.mounting_frequency is not None:
         natural = 2 * np.pi * table.mounting_frequency
         changes["mounting_frequency"] = by_held[FLEXIBILITY].sum(axis=1, keepdims=True) / natural**2
-    for name in OF_ACCELEROMETER:
+    for name in ACCELEROMETER_ERRORS:
         if name in by_held and (figure := getattr(table, name)) is not None:
             changes[name] = figure * by_held[name]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
@@ -93,7 +93,8 @@ def with_undeclared(
 def noted(result: Identification) -> Identification:
     """Return a result whose warnings are without the causes that its second interval holds: these are notes."""
     half, wide_half = (
-        each.coverage_factors * each.parameters.standard_uncertainty for each in (result, result.with_undeclared)
+        interval.coverage_factors * interval.parameters.standard_uncertainty
+        for interval in (result, result.with_undeclared)
     )
     consistency = []
     for cause in result.consistency:

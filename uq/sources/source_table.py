@@ -373,7 +373,7 @@ def _sources(path: str, folder: Path) -> list[dict[str, Any]]:
     return [s | {SAMPLES: str(below / s[SAMPLES])} if isinstance(s.get(SAMPLES), str) else s for s in sources]
 
 
-OF_ANOTHER_WIDTH = ("distribution", "degrees_of_freedom", "unit")
+WIDTH_KEYS = ("distribution", "degrees_of_freedom", "unit")
 """Keys beside a width that is replaced by one of another kind, such as a datasheet's statement by a sigma."""
 
 
@@ -389,7 +389,7 @@ def changed_source(entry: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[st
     left_out: dict[str, None] = {}
     if before and set(keys) & set(WIDTHS) - before:
         datasheet_keys = ("full_scale",) if is_vector and "datasheet" in before else ()
-        left_out = dict.fromkeys((*before, *OF_ANOTHER_WIDTH, *datasheet_keys))
+        left_out = dict.fromkeys((*before, *WIDTH_KEYS, *datasheet_keys))
     return with_keys(entry, {**left_out, **keys})
 
 

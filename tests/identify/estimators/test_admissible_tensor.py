@@ -131,9 +131,9 @@ def test_ten_parameters_are_fitted_alike(generator):
     start = np.array([0.5 * np.log(19.7), *free_of(np.array([0.2, 0, 0, 0.2, 0, 0.37]) / 19.7), *true[1:4]])
     fitted = fit(pseudo_inertia, estimate, np.linalg.inv(covariance), start)
     assert bool(is_admissible(jnp.asarray(fitted[4:])))
-    left = fitted - estimate
-    of_true = estimate - true
-    assert left @ np.linalg.solve(covariance, left) < of_true @ np.linalg.solve(covariance, of_true)
+    correction = fitted - estimate
+    error = estimate - true
+    assert correction @ np.linalg.solve(covariance, correction) < error @ np.linalg.solve(covariance, error)
 
 
 def coverage(true, trials, seed, sigma=SIGMA):

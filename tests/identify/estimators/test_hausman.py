@@ -39,10 +39,10 @@ def compared(measured, errors=()):
     spec, sigma = EstimatorSpec("smoothed", "savitzky-golay", BAND), np.array(SIGMA["r_cg"])
     r_cg = measured[0].r_cg
     options = {"offsets": "estimate", "sigma_r_cg": sigma, "errors": errors}
-    of_runs = [whitened(run_of(run), spec, r_cg, **options) for run in measured]
-    weighted, plain = ([getattr(run, name) for run in of_runs] for name in ("weighted", "plain"))
+    fits = [whitened(run_of(run), spec, r_cg, **options) for run in measured]
+    weighted, plain = ([getattr(run, name) for run in fits] for name in ("weighted", "plain"))
     pooled = [pool(infos, sigma) for infos in (weighted, plain)]
-    return of_runs, pooled, differences(of_runs, *pooled, np.diag(sigma**2))
+    return fits, pooled, differences(fits, *pooled, np.diag(sigma**2))
 
 
 def test_columns_hold_what_a_tensor_and_the_centre_do_not(generator):
@@ -74,9 +74,9 @@ def test_the_angle_turned_is_the_motions_whatever_the_gyros_bias():
 def test_a_pool_is_linear_in_its_runs_equations_and_so_are_differences():
     """The derivative by right sides returns the tensor of each."""
     runs = [measure(s, seconds=10.0) for s in (1, 2)]
-    of_runs, (weighted, plain), both = compared(runs)
+    fits, (weighted, plain), both = compared(runs)
     for pooled, name in ((weighted, "weighted"), (plain, "plain")):
-        rights = [getattr(of_run, name).right for of_run in of_runs]
+        rights = [getattr(fit, name).right for fit in fits]
         np.testing.assert_allclose(np.einsum("kij,kj->i", pooled.by_right, rights), pooled.inertia, rtol=1e-9)
     np.testing.assert_allclose(both[0].value, plain.inertia - weighted.inertia)
     for difference in both:
