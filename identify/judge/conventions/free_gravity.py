@@ -19,16 +19,10 @@ from jaxtyping import Float
 
 from identify.judge.conventions.convention_fit import LEAST_MISFIT, NOT_RIGID
 
-YAWS = 24
+YAWS = 3600
 """Turns about the vertical that are tried where the axes at rest are not those of the wrench.
 
-Numerical: 15° apart, within reach of the minimum between two of them.
-"""
-
-REFINED = 3
-"""Searches of that kind, each over an eighth of the one before.
-
-Numerical: to a quarter of a degree.
+Numerical: a tenth of a degree apart.
 """
 
 RIDGE = 1e-9
@@ -103,7 +97,9 @@ class PosedForce:
 
     def turned_back(self, yaw: float = 0.0) -> "PosedForce":
         """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
-        turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+        return self._turned_back(np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]))
+
+    def _turned_back(self, turn: np.ndarray) -> "PosedForce":
         return replace(self, force=np.einsum("nji,nj->ni", self.to_rest, self.force @ turn.T))
 
     def turned_to_rest(self) -> "PosedForce":
@@ -189,12 +185,13 @@ class PosedForce:
 
     def best_yaw(self) -> float:
         """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""
-        best, width = 0.0, np.pi
-        rows = self._rows(lift=True, zero=True, turned=False)  # those of every yaw, which turns the force alone
-        for _ in range(REFINED):
-            yaws = best + np.linspace(-width, width, YAWS, endpoint=False)
-            answers = np.stack([self.turned_back(yaw)._answer.reshape(-1) for yaw in yaws], axis=1)
-            values, *_ = np.linalg.lstsq(rows, answers, rcond=1e-9)
-            best = float(yaws[int(np.argmin(np.square(answers - rows @ values).sum(axis=0)))])
-            width *= 3 / YAWS
-        return float((best + np.pi) % (2 * np.pi) - np.pi)
+        # the force turned back is linear in (cos, sin, 1) of the yaw, and so is what the rows leave of it
+        turns = np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]), np.diag([0.0, 0, 1])
+        answers = np.stack([self._turned_back(turn)._answer.reshape(-1) for turn in turns], axis=1)
+        rows = self._rows(lift=True, zero=True, turned=False)
+        values, *_ = np.linalg.lstsq(rows, answers, rcond=1e-9)
+        residuals = answers - rows @ values
+        yaws = np.linspace(-np.pi, np.pi, YAWS, endpoint=False)
+        directions = np.stack([np.cos(yaws), np.sin(yaws), np.ones(YAWS)])
+        misfits = np.einsum("ik,ij,jk->k", directions, residuals.T @ residuals, directions)
+        return float(yaws[int(np.argmin(misfits))])
