@@ -31,6 +31,10 @@ RIDGE = 1e-9
 Numerical: rounding of doubles in the solution.
 """
 
+LIFT, ZERO, MATRIX = slice(1, 4), slice(4, 7), 9
+"""Places of p and the zero among the columns of a fit, behind the mass's; how many the last ones, of the matrix, are.
+"""
+
 Rotations = Float[np.ndarray, "n 3 3"]
 Smooth = Callable[[np.ndarray], np.ndarray]
 """Filter over the samples, first, of some columns."""
@@ -46,7 +50,7 @@ class GravityFit:
     """The unknowns of one reading, and what it leaves."""
 
     values: Float[np.ndarray, " p"]
-    """Mass m [kg], p [N], then lever and zero; m is zero where no specific force is given."""
+    """Mass m [kg], p [N], then zero and lever; m is zero where no specific force is given."""
     covariance: Float[np.ndarray, "p p"]
     misfit: float
     """Mean square of what is left of the force, per component [N²]."""
@@ -147,25 +151,27 @@ class PosedForce:
             covariance[0, 0] = np.inf
         return GravityFit(values, covariance, misfit)
 
-    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
+    @cached_property
+    def _columns(self) -> np.ndarray:
+        """Smoothed columns of m, p, zero, lever and a matrix that acts on the specific force, (k, 3, columns)."""
         n, unit = len(self.force), np.eye(3)
         specific = np.zeros((n, 3)) if self.specific is None else self.specific
-        blocks = [specific[:, :, None], self.to_rest.swapaxes(1, 2) * float(lift)]
-        if self.levers is not None:
-            blocks.append(self.levers)
-        if turned:
-            blocks.append(np.einsum("ij,nk->nijk", unit, specific).reshape(n, 3, 9))
-        blocks.append(np.broadcast_to(unit * float(zero), (n, 3, 3)))
-        columns = np.concatenate(blocks, axis=2)
-        return self.smooth(columns.reshape(n, -1)).reshape(-1, columns.shape[2])
+        levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
+        zero, matrix = np.broadcast_to(unit, (n, 3, 3)), np.einsum("ij,nk->nijk", unit, specific).reshape(n, 3, 9)
+        columns = np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers, matrix], axis=2)
+        return self.smooth(columns.reshape(n, -1)).reshape(-1, 3, columns.shape[2])
+
+    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
+        """Rows of a fit; what is not free stands as zeros, but for the matrix, which is left out."""
+        columns = self._columns if turned else self._columns[:, :, :-MATRIX]
+        acting = np.ones(columns.shape[2])
+        acting[LIFT], acting[ZERO] = lift, zero
+        return (columns * acting).reshape(-1, len(acting))
 
     def mass_step(self) -> MassStep:
         """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
-        samples, unit = len(self.force), np.eye(3)
-        specific = np.zeros((samples, 3)) if self.specific is None else self.specific
-        columns = specific[:, :, None] if self.levers is None else np.dstack([specific, self.levers])
-        count = columns.shape[2]
-        rows = self.smooth(columns.reshape(samples, -1)).reshape(-1, 3, count)
+        rows, unit = np.delete(self._columns[:, :, :-MATRIX], np.r_[LIFT, ZERO], axis=2), np.eye(3)
+        count = rows.shape[2]
         answer, n = self._answer, len(rows)
         grams = np.einsum("nij,nik->njk", rows, rows)
         loose = RIDGE * grams.sum(axis=0) * np.eye(count)
