@@ -76,7 +76,7 @@ class Chain:
 
         q = self._configuration(position)
         full = pinocchio.computeFrameJacobian(self.model, self.data, q, self.frame, pinocchio.LOCAL)
-        return np.asarray(full[3:, self._moving])
+        return np.reshape(full, (6, -1))[3:, self._moving]  # of one joint Pinocchio gives six numbers
 
     def unwrapped(self, position: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Return positions without the jumps of angles that are recorded within one turn, and notes on them.
