@@ -11,7 +11,7 @@ import numpy as np
 from identify.judge.conventions.pose_findings import pose_findings
 from identify.judge.conventions.rotation_findings import axes_text
 from identify.rounding import fixed, significant
-from identify.signals.run import Run, RunError
+from identify.signals.run import Run, RunError, refuse_excess
 from identify.signals.segments import still
 from identify.static.accelerometer import Accelerometer
 from identify.static.attitude_turn import attitude_turn
@@ -158,6 +158,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     attitude, force, moment = (
         table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
     )
+    refuse_excess(str(poses.attitude), attitude, name)
     if poses.joints is not None:
         attitude, poses = _by_joints(attitude, poses, experiment.recording, name)
         experiment = replace(experiment, poses=poses)

@@ -46,6 +46,7 @@ def test_files_of_samples_are_beside_the_file_that_names_them(tmp_path):
         ('["s.toml"]', "source = 1", r"s.toml holds no \[\[source\]\]"),
         ('["s.toml"]', '[body]\nmass = "1 kg"\n' + FIRST, "s.toml holds body: a file that include names holds"),
         ('["s.toml", "s.toml"]', FIRST, "source 'F_precision' is declared twice, in s.toml and in s.toml: keep one"),
+        ('["s.toml", "s.toml"]', '[[source]]\nname = [1]', "source '.1.' is declared twice, in s.toml and in s.toml"),
         ('["."]', FIRST, "no file '.', which include names"),
         ('["s.toml"]', FIRST.replace("sigma", "sigmas"), r"unknown key source\[F_precision\].sigmas"),
     ],

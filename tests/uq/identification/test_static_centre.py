@@ -95,6 +95,14 @@ def test_declared_conventions_and_every_attitude_give_the_same(tmp_path, generat
     np.testing.assert_allclose(found.zero, expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("attitude", list(ATTITUDES))
+def test_an_attitude_beyond_any_sensor_is_refused_without_a_warning_of_numpy(tmp_path, generator, attitude):
+    columns = rows(generator)
+    columns[{"gravity": "g1", "acceleration": "a1", "matrix": "r1", "quaternion": "qx"}[attitude]][4] = 1e300
+    with pytest.raises(RunError, match=rf"^{attitude} in p.csv is 1.0e\+300 at sample 4: no sensor reads so much"):
+        centre_file(write(tmp_path / "p.csv", columns), experiment(attitude))
+
+
 def test_a_turned_attitude_sensor_is_named_with_its_cure(tmp_path, generator):
     """Declared 3 degrees off: the cure is the rotation that made the table, unless such a turn is declared."""
     path, true = write(tmp_path / "p.csv", rows(generator)), np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])

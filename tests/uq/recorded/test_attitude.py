@@ -1,14 +1,18 @@
 """What recordings tell of attitude and clocks beside the conformance rows: refusals, and readable times."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identify.exceptions import RunError
+from rig import runs
 from rig.toml_tables import TomlError
 from tests.helpers import posed_runs
 from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings
+from uq.recorded.attitude import recorded_attitude
 from uq.recorded.load_run import load_run
 
 EXACT = {
@@ -41,6 +45,8 @@ def test_a_wrench_at_rest_without_an_attitude_is_refused(tmp_path, short):
 def test_a_quaternion_that_stands_still_is_no_attitude(tmp_path, short):
     path = posed_runs.write(tmp_path / "run", short, "imu", "mcap")
     assert load_run(path).attitude is None
+    beyond = replace(runs.read(path).imu, orientation=np.full((len(short.t), 4), 1e300))  # squares are no numbers
+    assert recorded_attitude(beyond, beyond.stamp) is None
 
 
 def test_a_declared_delay_of_the_clock_is_no_finding(tmp_path):

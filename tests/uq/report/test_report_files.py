@@ -7,6 +7,7 @@ from importlib import resources
 from xml.etree import ElementTree
 
 import matplotlib.image
+import numpy as np
 import pytest
 
 import uq.report.report_files
@@ -20,7 +21,7 @@ from uq.experiment.experiment import Experiment
 from uq.report.figures.style import DARK
 from uq.report.inline_figure import inline
 from uq.report.input_tables import inferred
-from uq.report.page import joined
+from uq.report.page import joined, json_text
 from uq.report.report_files import report, write
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
@@ -213,3 +214,7 @@ def test_a_figure_in_a_page_has_short_paths_and_names_of_its_own():
     assert root.find("g").attrib == {}
     expected = {"d": "M1 4L7 4L7 5z", "clip-path": "url(#f3-0)", "style": "stroke: var(--c404040)"}
     assert root.find("g/path").attrib == expected
+
+
+def test_a_number_that_is_not_finite_is_null_in_json():
+    assert json.loads(json_text({"ratio": np.inf, "rows": (np.nan, 1.0)})) == {"ratio": None, "rows": [None, 1.0]}

@@ -18,6 +18,7 @@ from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.trials import checkpoint
 from uq.trials.checkpoint import Checkpoint
 
 TRIALS = 500
@@ -126,7 +127,16 @@ def edit(path):
     path.write_bytes(bytes(data))
 
 
-@pytest.mark.parametrize("harm", [cut, edit, lambda path: path.write_bytes(b""), lambda path: path.unlink()])
+def misshape(path):
+    """As an edit that renews the checksum does."""
+    line, _, payload = path.read_bytes().partition(b"\n")
+    header = json.loads(line) | {"dtype": "no type"}
+    del header["sha256"]
+    header["sha256"] = checkpoint._checksum(header, payload)
+    path.write_bytes(json.dumps(header).encode() + b"\n" + payload)
+
+
+@pytest.mark.parametrize("harm", [cut, edit, misshape, lambda path: path.write_bytes(b""), lambda path: path.unlink()])
 def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, harm):
     interrupted(experiment, tmp_path, 2)
     parts = sorted(tmp_path.glob("*.part"))

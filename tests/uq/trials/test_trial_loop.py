@@ -10,6 +10,12 @@ def numbers(problem, key, indices):
     return indices
 
 
+def test_a_result_beyond_all_bodies_is_a_failed_trial():
+    loop = TrialLoop(lambda problem, key, indices: 1e40 ** indices.astype(float), (), 0, devices=jax.devices()[:1])
+    loop.reach(3)
+    np.testing.assert_array_equal(loop.results(3), [1, 1e40, np.nan])
+
+
 def test_each_trial_is_done_once_whatever_is_asked_for():
     """A segment of a campaign of 1,000 trials is longer than that of one which may stop at 30."""
     for asked in (1000, None):
