@@ -24,10 +24,9 @@ from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.payload_information import about_cg, about_q
 from uq.experiment.experiment import Experiment
 from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm
+from uq.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm, random_series
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.clearance import Clearance
-from uq.motion_design.arm.common_practice import random_series
 from uq.motion_design.arm.joint_search import JointSearch
 from uq.motion_design.arm.mujoco_run import ASSUMED, MujocoRun, simulated
 from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise

@@ -14,10 +14,9 @@ import numpy as np
 from benchmarks.scaling import lasting
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import with_uncertainty
-from uq.campaign.averages import average
 from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
-from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult, average
 from uq.experiment.experiment import Experiment
 
 BY_SAMPLES = SamplingPlan(engine="samples", dtype="float32")

@@ -74,7 +74,7 @@ def gained(rng: np.random.Generator, sizes: dict[str, float], wrench: np.ndarray
 
 def undeclared_row(name: str, sizes: dict[str, float], told: dict[str, float], repeats: int) -> list[str]:
     """What first and second interval hold, and half of the mass's second one over half the first."""
-    from uq.identification.undeclared_centre import centre_with_undeclared
+    from uq.identification.undeclared import centre_with_undeclared
 
     rng, inside, ratio = np.random.default_rng(38), [], []
     experiment = Experiment.from_dict({"platform": {"gravity": f"{GRAVITY} m/s^2"}, "poses": {}, "undeclared": {

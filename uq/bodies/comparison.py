@@ -149,11 +149,11 @@ class Comparison(Result):
             "kind": self.reference.kind,
             "file": self.reference.file,
             "sha256": self.reference.sha256,
-            **{key: _nulled(by_component(values)) for key, values in self._figures().items()},
+            **{key: plain(by_component(values)) for key, values in self._figures().items()},
             "chi_squared": {"value": statistic, "degrees_of_freedom": freedom, "probability": probability},
             "normalised_error_of_mass_and_cg": self.other_errors,
             "contributions": {
-                key: _nulled(dict(zip(PARAMETERS, np.sqrt(np.maximum(variance, 0)).tolist(), strict=True)))
+                key: plain(dict(zip(PARAMETERS, np.sqrt(np.maximum(variance, 0)), strict=True)))
                 for key, variance in self.reference.contributions.items()
             },
             "suspicions": [plain(suspicion) for suspicion in self.suspicions],
@@ -173,7 +173,3 @@ def compare(result: Identification, reference: Reference) -> Comparison:
         reference: the reference body.
     """
     return Comparison(result, reference)
-
-
-def _nulled(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: value if np.isfinite(value) else None for name, value in values.items()}

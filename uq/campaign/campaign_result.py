@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from identify.reporting import Result
-from identify.rigid_body.inertia import COMPONENTS
-from uq.campaign.result_coverage import coverage_record, stability_record
-from uq.campaign.statistics import Breakdown, ByTrajectory, Statistics, large_mean_error
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from uq.campaign.statistics import Breakdown, ByTrajectory, Statistics, by_component, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
-from uq.sources.quasi_random import Points
+from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region
+from uq.sources.quasi_random import Points, of_replicates, standard_error
+from uq.trials.trial_loop import finite_trials
 
 if TYPE_CHECKING:
     from xarray import DataArray
@@ -114,3 +115,92 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         about = {"units": "kg m2", "long_name": "estimate minus truth", "seed": self.seed, "points": self.points}
         truth = {"true_tensor": ("component", self.nominal)}
         return DataArray(samples, names | truth, tuple(names), "error", about)
+
+
+PROBABILITY = 0.95
+
+
+def coverage_record(errors: np.ndarray, points: Points = "random") -> dict[str, Any]:
+    """Return intervals and ellipsoid of a total's errors (trials, 6) [kg·m²]; None for what the trials do not give.
+
+    The ellipsoid's standard errors are those of random trials; of quasi-random ones they are too large.
+    """
+    return {
+        "probability": PROBABILITY,
+        "symmetric": _interval(symmetric_interval(errors, PROBABILITY, points)),
+        "shortest": _interval(shortest_interval(errors, PROBABILITY, points)),
+        "ellipsoid": _ellipsoid(errors),
+    }
+
+
+def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) -> dict[str, Any] | None:
+    """Return what an adaptive campaign was asked and what it reached; None for one that is not adaptive."""
+    if stability is None:
+        return None
+    verdicts = [verdict for trajectory in stability.values() for verdict in trajectory.values()]
+    return {
+        "digits": verdicts[0].goal.digits if verdicts[0].goal.tolerance is None else None,
+        "stable": all(verdict.stable for verdict in verdicts),
+        "blocks": verdicts[0].blocks,
+        "trajectories": {
+            trajectory: {
+                name: {"tolerance": by_component(verdict.tolerance), "reached": by_component(verdict.reached)}
+                for name, verdict in estimators.items()
+            }
+            for trajectory, estimators in stability.items()
+        },
+    }
+
+
+def _interval(interval: CoverageInterval) -> dict[str, dict[str, float | None]]:
+    names = ("low", "low_standard_error", "high", "high_standard_error")
+    return {name: by_component(getattr(interval, name)) for name in names}
+
+
+def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:
+    try:
+        region: EllipsoidalRegion = ellipsoidal_region(errors, PROBABILITY)
+    except ValueError:  # too few trials, or components of which one follows from the others
+        return None
+    return {
+        "centre": by_component(region.centre),
+        "covariance": (GRAM_METRE**2 * region.covariance).tolist(),
+        "factor": region.factor.value,
+        "factor_standard_error": region.factor.standard_error,
+        "factor_if_normal": region.normal_factor,
+        "coverage": region.coverage.value,
+        "coverage_standard_error": region.coverage.standard_error,
+    }
+
+
+class Average(NamedTuple):
+    """Averages over some components of the total [kg·m²]."""
+
+    three_sigma: float
+    three_sigma_standard_error: float
+    mean_error: float
+    """Average magnitude of the mean errors."""
+    mean_error_standard_error: float
+
+
+def average(result: MonteCarloResult, trajectory: str, estimator: str, components: tuple[int, ...]) -> Average:
+    """Return the average 3σ over components and the average magnitude of their mean errors.
+
+    The standard errors are taken from the trials themselves (each trial's first-order influence on the average; its
+    means over replicates of quasi-random trials), so that they hold for components that go together. Trials that failed
+    are left out.
+    """
+    index = list(result.breakdowns[trajectory]).index(estimator)
+    errors = result.errors[trajectory][:, index, 0][:, list(components)]
+    good, _ = finite_trials(errors)
+    if len(good) < 2:
+        return Average(np.nan, np.nan, np.nan, np.nan)
+    mean, sigma = good.mean(0), good.std(0, ddof=1)
+    spread = 3 * ((errors - mean) ** 2 - sigma**2) / np.where(sigma > 0, 2 * sigma, 1)
+    influence = np.stack([spread.mean(1), (np.sign(mean) * (errors - mean)).mean(1)], axis=1)
+    if result.points == "random":
+        figures, _ = finite_trials(influence)
+    else:
+        figures = of_replicates(lambda trials: finite_trials(trials)[0].mean(0), influence)
+    sigma_standard_error, mean_standard_error = map(float, standard_error(figures))
+    return Average(3 * float(sigma.mean()), sigma_standard_error, float(np.abs(mean).mean()), mean_standard_error)

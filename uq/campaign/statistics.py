@@ -61,10 +61,7 @@ class Statistics(Shown):
 
 def by_component(values: np.ndarray) -> dict[str, float | None]:
     """Return figures [kg·m²] by component, in g·m²; what is not finite is None."""
-    return {
-        component: float(value) * GRAM_METRE if np.isfinite(value) else None
-        for component, value in zip(COMPONENTS, values, strict=True)
-    }
+    return plain(dict(zip(COMPONENTS, GRAM_METRE * values, strict=True)))
 
 
 def _mean_and_sigma(errors: np.ndarray) -> np.ndarray:

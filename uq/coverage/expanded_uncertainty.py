@@ -114,12 +114,8 @@ def of_normal(
     probability: float | None = None,
 ) -> Expanded:
     """Return quantities of known standard uncertainty, taken as normal, with their expanded uncertainty."""
-    freedom = np.full(len(names), np.inf)
-    k, p = _factor(freedom, factor, probability)
-    ends = value[:, None] + (k * standard)[:, None] * [-1, 1]
-    return Expanded(
-        names=names, value=value, standard=standard, factor=k, probability=p, interval=ends, freedom=freedom
-    )
+    ends = value[:, None] + (scipy.special.ndtri((1 + USUAL) / 2) * standard)[:, None] * [-1, 1]
+    return of_intervals(names, value, standard, ends, factor, probability)
 
 
 def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
@@ -150,8 +146,4 @@ def degrees_of_freedom(factor: float) -> float:
     """Return the degrees of freedom of which Student's t has this coverage factor of 95 %; infinity for 1.96."""
     if not np.isfinite(factor) or factor <= float(scipy.special.ndtri((1 + USUAL) / 2)) * (1 + 1e-4):
         return np.inf
-    low, high = np.log(0.2), np.log(1e8)
-    for _ in range(60):  # halved: scipy.optimize takes longer to import than all of this
-        middle = (low + high) / 2
-        low, high = (middle, high) if scipy.special.stdtrit(np.exp(middle), (1 + USUAL) / 2) > factor else (low, middle)
-    return float(np.exp(low))
+    return max(float(scipy.special.stdtridf((1 + USUAL) / 2, factor)), 0.2)

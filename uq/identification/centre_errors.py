@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import axes_of
-from identify.results.covariances import positive
 from identify.results.identification_result import Identification
 from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
@@ -135,13 +134,6 @@ def shared_sources(result: Identification, sources: Sequence[Source], mixing: Se
         if np.any(effects):
             shared[source.name] = Shared(root, np.array(effects).T)
     return shared
-
-
-def centre_covariance_beside(
-    covariance: Float[np.ndarray, "3 3"], shared: Mapping[str, Shared]
-) -> Float[np.ndarray, "3 3"]:
-    """Return the covariance of the centre of gravity without what shared sources do to it."""
-    return positive(covariance - sum(source.on_centre[1:] @ source.on_centre[1:].T for source in shared.values()))
 
 
 def with_shared_errors(

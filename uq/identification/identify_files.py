@@ -25,7 +25,6 @@ from identify.signals.segments import Segment, still
 from identify.static.centre_result import Centre
 from identify.sums.run_lines import check_rate
 from uq.experiment.experiment import Experiment
-from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import cautions
 from uq.experiment.undeclared_table import NONE
 from uq.files.provenance import provenance
@@ -231,7 +230,8 @@ def _prepared(
     chosen = cut(recorded.run, windows, recorded.marks)
     if spec is not None:
         check_rate(chosen, spec)
-    assumed = (*recorded.assumptions, *_weight_assumption(recording))
+    weighed = () if recording.compensated else ("no driver removed the body's weight from the wrench",)
+    assumed = (*recorded.assumptions, *weighed)
     if chosen.specific_force is not None and experiment.mass is not None and chosen.imu_position is None:
         assumed = (*assumed, "the accelerometer is at Q")
     if not recording.removes_weight and recording.offsets == "estimate":
@@ -247,10 +247,6 @@ def _prepared(
     used = run.within(chosen.segments) if chosen.segments else run
     cut_out = {name: getattr(chosen, name) for name in ("segments", "detected", "left_out", "overview")}
     return replace(used, **cut_out), (*assumed, *more)
-
-
-def _weight_assumption(recording: RecordingTable) -> tuple[str, ...]:
-    return () if recording.compensated else ("no driver removed the body's weight from the wrench",)
 
 
 def _near(run: Run, chosen: Run) -> tuple[Segment, ...]:

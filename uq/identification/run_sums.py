@@ -20,7 +20,7 @@ from jaxtyping import Float, Int
 from identify.choices import OffsetChoice
 from identify.estimators.gram import Sums
 from identify.estimators.offsets import resting
-from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES, Array, features, library_of
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
 from identify.signals.differentiate import derivative
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
@@ -30,7 +30,7 @@ from identify.signals.run import Rest, Run, RunError
 from identify.sums.residual_spectrum import Lines
 from identify.sums.run_lines import unbroken, usable_rows
 from uq.gram_sums.case_equations import feature_map
-from uq.gram_sums.error_maps import Columns, gyro_map
+from uq.gram_sums.error_maps import Columns, gyro_map, true_elements
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
@@ -278,9 +278,9 @@ def elements_of(run: Run, omega: np.ndarray, estimator: EstimatorSpec, begin: fl
     """
     taps = estimator.taps(run.rate)
     inner = slice(len(taps), len(run.t) - len(taps))
-    phi = features(omega[inner].T, derivative(omega.T, taps))
-    t = (run.t[inner] - begin)[None]
-    return smoothed(np.concatenate([phi[:10], t, t * phi[OMEGA], t * t, phi[ALPHA]]), run, estimator)
+    alpha = derivative(omega.T, taps)
+    shared = true_elements(omega[inner].T, alpha, run.t[inner] - begin)
+    return smoothed(np.concatenate([shared, alpha]), run, estimator)
 
 
 def smoothed(signals: Float[np.ndarray, "k n"], run: Run, estimator: EstimatorSpec) -> Float[np.ndarray, "k m"]:

@@ -1,14 +1,15 @@
 """Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from identify.judge.conventions.pose_findings import pose_findings
+from identify.judge.conventions.pose_findings import PoseReading, pose_findings
 from identify.judge.conventions.rotation_findings import axes_text
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError, refuse_excess
@@ -21,14 +22,22 @@ from identify.static.creep import creeping
 from identify.static.pose_fit import Attitudes
 from identify.static.sampled_rows import sampled, turning
 from uq.experiment.experiment import Experiment
-from uq.experiment.pose_table import ROTATIONS, Poses, need_table, of_accelerometer, rotations, uncertain, upward
+from uq.experiment.pose_table import (
+    CONVENTIONS,
+    ROTATIONS,
+    Poses,
+    need_table,
+    of_accelerometer,
+    rotations,
+    uncertain,
+    upward,
+)
 from uq.experiment.recording_table import RecordingTable
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.files.units import scale
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
-from uq.identification.pose_readings import pose_readings
-from uq.identification.undeclared_centre import centre_with_undeclared
+from uq.identification.undeclared import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.joint_states import Chain
 from uq.recorded.load_run import Recorded, load
@@ -346,3 +355,67 @@ def _size(vector: np.ndarray) -> str:
 
 def _vector(values: np.ndarray) -> str:
     return f"({', '.join(fixed(value, 3) for value in values)})"
+
+
+OTHER = {"sensor_to_level": "level_to_sensor", "level_to_sensor": "sensor_to_level"}
+
+
+def pose_readings(
+    values: np.ndarray, experiment: Experiment, to_body: np.ndarray, name: str
+) -> tuple[PoseReading, ...]:
+    """Return the ways to read a table's attitudes, that declared first.
+
+    Args:
+        values: columns of the attitude.
+        experiment: what is declared of poses and recording.
+        to_body: rotation from the axes of the attitude's sensor to the body's.
+        name: what messages call the table.
+    """
+    poses, recording = experiment.poses, experiment.recording
+    assert poses is not None  # noqa: S101 - the table was read by it
+    gravity = recording.gravity_of_poses
+    gravity = experiment.gravity / np.linalg.norm(gravity) * gravity
+    # of each choice: words, the key that declares it, the value; as declared first
+    other = OTHER[str(poses.takes)]
+    directions = ("", "", str(poses.takes)), ("taken the other way", f'takes = "{other}" in [poses]', other)
+    downs = ("", "", gravity), ("with gravity along other axes", "urdf_gravity = [{gravity}] in [recording]", None)
+    at_rest = recording.turns_back
+    other_frame = (
+        ("with the wrench along axes that turn", 'wrench_frame = "sensor" in [recording]', False)
+        if at_rest
+        else ("with the wrench along axes at rest", 'wrench_frame = "base" in [recording]', True)
+    )
+    frames = ("", "", at_rest), other_frame
+    readings = []
+    for order, direction, frame, down in product(_orders(poses), directions, frames, downs):
+        if frame[0] and direction[0]:  # the same as gravity along other axes, weight and zero swapped
+            continue
+        reading, columns = order[2]
+        try:
+            to_rest = rotations(values[:, columns], msgspec.structs.replace(reading, takes=direction[2]), name)
+        except RunError:
+            continue
+        changed = [(how, cure) for how, cure, _ in (order, direction, frame, down) if how]
+        readings.append(
+            PoseReading(
+                how=" and ".join(how for how, _ in changed), cure="set " + " and ".join(cure for _, cure in changed),
+                to_rest=to_rest @ to_body.T, at_rest=frame[2], gravity=down[2], changes=len(changed),
+            )
+        )  # fmt: skip
+    return tuple(readings)
+
+
+def _orders(poses: Poses) -> Iterator[tuple[str, str, tuple[Poses, list[int]]]]:
+    """Orders of a quaternion's components, or conventions of angles, those declared first."""
+    columns = poses.columns.names[str(poses.attitude)]
+    declared = list(range(len(columns)))
+    yield "", "", (poses, declared)
+    if poses.quaternion is not None:  # w stands first where others have it last
+        for order in ([3, 0, 1, 2], [1, 2, 3, 0]):
+            by_component = ", ".join(f'{name} = "{columns[k]}"' for name, k in zip("wxyz", order, strict=True))
+            cure = f"quaternion = {{ {by_component} }} in [poses]"
+            yield "with the quaternion's components in another order", cure, (poses, order)
+    if poses.euler is not None:
+        for axes in sorted({*CONVENTIONS.values(), "zyx"} - {str(poses.euler_convention)}):
+            cure = f'euler_convention = "{axes}" in [poses]'
+            yield f"with angles about {axes}", cure, (msgspec.structs.replace(poses, euler_convention=axes), declared)

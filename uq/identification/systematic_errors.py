@@ -20,7 +20,7 @@ from identify.estimators.gram import normal_equations
 from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
-from identify.results.covariances import with_cross
+from identify.results.covariances import positive, with_cross
 from identify.results.identification_result import Identification
 from identify.results.known_bias import covering_bias
 from identify.rigid_body.inertia import Body
@@ -31,7 +31,6 @@ from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
 from uq.identification.centre_errors import (
     Shared,
-    centre_covariance_beside,
     centre_source,
     shared_sources,
     with_shared_errors,
@@ -227,8 +226,9 @@ def acting(
     mixing = list(experiment.mixing)
     shared = _shared(result, sources, mixing, redrawn)
     covariance = result.cg_covariance
-    if shared:
-        covariance = centre_covariance_beside(result.parameters.covariance[1:4, 1:4], shared)
+    if shared:  # without what shared sources do to it
+        held_already = sum(source.on_centre[1:] @ source.on_centre[1:].T for source in shared.values())
+        covariance = positive(result.parameters.covariance[1:4, 1:4] - held_already)
     same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
     held = result.pooling is None or result.admissible is not None  # the result holds the centre's uncertainty already
     if held or covariance is not None or not same:

@@ -71,9 +71,11 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     assumed: list[str] = []
     scales = _scales(metadata, recording, assumed)
     scales["acceleration"] *= -1.0 if recording.accelerometer_at_rest == "down" else 1.0
-    meaning = metadata.one_of("wrench", recording.wrench, metadata.wrench)
+    meaning = recording.wrench or metadata.wrench
     if meaning is None:
         assumed.append("the wrench is that on the body")
+    elif metadata.wrench not in (None, meaning):
+        raise metadata.contradiction(f"its wrench is {metadata.wrench}", "wrench", meaning)
     wrench_rotation = _rotation(metadata, "wrench", recording.wrench_rotation_to_body, metadata.wrench_in_body)
     imu_rotation = _rotation(metadata, "imu", recording.imu_rotation_to_body, metadata.imu_in_body)
     point = _point(metadata, "wrench_point", recording.wrench_point, metadata.wrench_at_q)
@@ -136,12 +138,6 @@ class _Metadata:
             self.units = {"force": "N", "moment": "N*m"} | self.units
         if "[rad/s]" in imu_meaning and "[m/s^2]" in imu_meaning:
             self.units = {"angular_velocity": "rad/s", "acceleration": "m/s^2"} | self.units
-
-    def one_of(self, key: str, declared: Any, stated: Any) -> Any:
-        """Return the declared value, otherwise that of the metadata, otherwise None."""
-        if declared is not None and stated is not None and declared != stated:
-            raise self.contradiction(f"its {key} is {stated}", key, str(declared))
-        return stated if declared is None else declared
 
     def contradiction(self, stated: str, key: str, declared: str) -> RunError:
         """The error that names both."""

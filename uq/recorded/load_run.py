@@ -1,8 +1,10 @@
 """Recorded runs: from MCAP files and an experiment file to the tensor."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
-from uq.recorded.instrument_metadata import about
 from uq.recorded.message_times import check_overlap, in_order, instants
 from uq.recorded.time_window import on_clock
 
@@ -245,3 +246,40 @@ def _check_rates(channels: _Channels, band: float | None) -> None:
             f"the motion in {channels.bag.path.name} reaches {reached:.3g} Hz, beyond the Nyquist frequency "
             f"{rates[slow] / 2:.3g} Hz of {topics[slow]}: record {topics[slow]} at a higher rate"
         )
+
+
+FACTS = ("model", "serial_number", "firmware")
+EARLIEST = 946_684_800_000_000_000
+"""Start of the year 2000 [ns]: before it, a stamp counts from the run's start and tells no day."""
+
+
+def about(metadata: Mapping[str, Mapping[str, str]], log_time: np.ndarray) -> dict[str, Any]:
+    """Return day, note, instruments and whether it is a simulation, as far as a recording tells.
+
+    Args:
+        metadata: the recording's metadata records; ``rig.run`` is read.
+        log_time: arrival of its messages at the host [ns since 1970].
+
+    Returns:
+        Keys ``date`` (ISO, UTC), ``note``, ``instruments`` (a mapping of ``FACTS`` and ``name`` each), ``made_up``
+        (``"simulated"`` or ``"emulated"``), ``imported`` (from a table); what is not known is not there.
+    """
+    record = metadata.get("rig.run", {})
+    facts: dict[str, Any] = {"instruments": _instruments(record)}
+    if len(log_time) and log_time[0] >= EARLIEST:
+        facts["date"] = datetime.fromtimestamp(int(log_time[0]) // 10**9, UTC).date().isoformat()
+    if record.get("note"):
+        facts["note"] = record["note"]
+    if "imported" in record:
+        facts["imported"] = True
+    if "simulated" in record:
+        facts["made_up"] = "simulated"
+    elif any(value.startswith("emulator:") for key, value in record.items() if key.endswith(".port")):
+        facts["made_up"] = "emulated"
+    return {key: value for key, value in facts.items() if value}
+
+
+def _instruments(record: Mapping[str, str]) -> list[dict[str, str]]:
+    """Each device that the recording names, with what is known of it."""
+    names = [key.removesuffix(".model") for key in record if key.endswith(".model") and key.count(".") == 1]
+    return [{"name": name} | {fact: text for fact in FACTS if (text := record.get(f"{name}.{fact}"))} for name in names]

@@ -20,9 +20,9 @@ SHAPES = {
     "rectangular": Rectangular, "uniform": Rectangular, "triangular": Triangular, "u-shaped": UShaped,
     "arcsine": UShaped, "arc sine": UShaped,
 }  # fmt: skip
-WORDS = (
-    "expanded uncertainty", "accuracy", "uncertainty", "error", "within", "maximum", "max.", "max", "up to",
-    "less than", "U =", "U=", "±", "+/-", "+-", "<=", "≤", "<",
+WORDS = re.compile(
+    r"(?:(?:expanded uncertainty|accuracy|uncertainty|error|within|maximum|max\.|max|up to|less than"
+    r"|U =|U=|±|\+/-|\+-|<=|≤|<)[ :=]*)*", re.I
 )  # fmt: skip
 """Words that may stand before a figure without changing its meaning."""
 FULL_SCALE = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:full[ -]scale|F\.?S\.?O?\.?|range|span)", re.I)
@@ -61,19 +61,8 @@ def datasheet(
         if remark := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
             remarks.append(remark[0])
             figure = (figure[: remark.start()] + figure[remark.end() :]).strip(" =:")
-    half_width = _half_width(text, _without_words(figure), unit, full_scale, reading)
+    half_width = _half_width(text, WORDS.sub("", figure, count=1), unit, full_scale, reading)
     return _meaning(text, half_width, remarks)
-
-
-def _without_words(figure: str) -> str:
-    changed = True
-    while changed:
-        before = figure
-        for word in WORDS:
-            if figure.lower().startswith(word.lower()):
-                figure = figure[len(word) :].lstrip(" :=")
-        changed = figure != before
-    return figure
 
 
 def _half_width(text: str, figure: str, unit: str, full_scale: float | None, reading: float | None) -> float:

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.helpers.small_campaign import campaign
 from uq.barreto2016 import PRINTED
-from uq.campaign.averages import average
-from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.campaign_result import MonteCarloResult, average
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.experiment.experiment import Experiment
 from uq.report.figures import paper as plots

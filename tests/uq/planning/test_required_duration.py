@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uq import law, montecarlo
-from uq.campaign.averages import average as of_trials
+from uq.campaign.campaign_result import average as of_trials
 from uq.experiment.experiment import ExperimentError
 from uq.planning.required_duration import GOALS, Growth, average, growth_of, lasting, required_duration
 from uq.planning.sensor_worth import sensor_worth

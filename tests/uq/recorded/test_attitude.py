@@ -12,7 +12,7 @@ from tests.helpers import posed_runs
 from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings
-from uq.recorded.attitude import recorded_attitude
+from uq.recorded.angular_velocity import recorded_attitude
 from uq.recorded.load_run import load_run
 
 EXACT = {

@@ -19,9 +19,8 @@ from tests.helpers.small_campaign import TRIALS, campaign, document, paper_resul
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.report.figures.style import DARK
-from uq.report.inline_figure import inline
 from uq.report.input_tables import inferred
-from uq.report.page import joined, json_text
+from uq.report.page import inline, joined, json_text
 from uq.report.report_files import report, write
 
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'

@@ -171,7 +171,7 @@ def test_noise_that_is_large_or_skews_so_few_samples_gets_samples(large, small, 
 def test_the_predicted_skewness_is_that_of_trials(monkeypatch):
     """Of 4,000 trials by samples, standard error 0.04, and by a factor of two: what it decides is no finer."""
     e = experiment(source("w", "omega", "precision", sigma=["8 mrad/s"] * 3), duration="2 s", ramp="0.5 s")
-    monkeypatch.setattr("uq.trials.sums_limits.LARGEST_NOISE", 1.0)
+    monkeypatch.setattr("uq.trials.chooser.LARGEST_NOISE", 1.0)
     predicted = float(how(e)["by_samples"]["total"].rpartition(" ")[2])
     errors = montecarlo(e, trials=4000, plan=BY_SAMPLES, estimators="central").errors["T"][:, 0, 0]
     largest = np.abs(stats.skew(errors)).max()

@@ -11,9 +11,9 @@ from scipy.linalg import circulant
 
 from identify.signals.differentiate import derivative
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
-from uq.campaign.averages import average
 from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign_result import average
 from uq.campaign.statistics import Statistics
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError

@@ -4,17 +4,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
 
 from identify.motion.limit_peaks import Peak
 from identify.rigid_body.inertia import GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
+from identify.serial_arm.joint_series import JointSeries, JointStates
+from uq.experiment.arm_table import DeclaredArm
+from uq.experiment.experiment import Experiment
 from uq.files.output_folder import place
 from uq.files.provenance import provenance
+from uq.files.toml_text import toml_text
+from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.arm_design import ArmDesign
-from uq.motion_design.arm.joint_export import joint_files
 from uq.motion_design.arm.mujoco_run import MujocoRun, simulated
-from uq.motion_design.arm.payload_experiment import payload_experiment
+from uq.motion_design.commanded import JointCommand
+from uq.motion_design.motion_formats import written
 from uq.motion_design.report import MotionReport
+from uq.recorded.urdf_model import urdf_robot
 
 TOLERATED = 0.02
 """Share by which the simulated joints may exceed a limit: they follow their command with error."""
@@ -111,3 +120,54 @@ def arm_report(design: ArmDesign, *, rehearsal: float | None = None, out: Path |
         place(contents, out)
     run = simulated(arm, experiment.body, experiment.gravity, series, design.limits.clearance.may_touch)
     return ArmDesignReport(design, run, contents, provenance(**experiment.inputs(), goal=design.goal))
+
+
+def joint_files(arm: Arm, series: JointSeries, name: str = "motion", speed: float = 1.0) -> dict[str, bytes]:
+    """Return the motion's files by name, from rest to rest at the arm's rate; ``speed`` stretches the time.
+
+    Raises:
+        RuntimeError: a file does not say what it should.
+    """
+    count = int(np.ceil(series.duration / speed * arm.declared.rate - 1e-9)) + 1
+    t = np.arange(count) / arm.declared.rate
+    position, rate, acceleration = series.sampled(t * speed)
+    joints = JointStates(position, speed * rate, speed**2 * acceleration)
+    command = JointCommand(arm.names, t, joints, turning=not any(arm.chain.prismatic))
+    return {file.name: file.content for file in written(command, name)}
+
+
+NAME = "identify.toml"
+ANYWHERE = "0.1 m"
+"""Standard uncertainty of a centre of gravity that is a first guess."""
+
+
+def payload_experiment(experiment: Experiment, arm: DeclaredArm) -> dict[str, bytes]:
+    """Return the experiment and its URDF, whose other joints are fixed, by their names.
+
+    By method ``joint``, from the wrench and the joints' positions: mass, centre of gravity and tensor are unknown, the
+    sources of force and moment as declared. Of the sensor it says that its axes are those of ``platform.tool`` and that
+    it reads what the payload does to it: ``inertia inspect`` names what is otherwise.
+    """
+    document: dict[str, Any] = dict(experiment.document)
+    band = document["platform"]["limits"]["bandwidth"]
+    urdf = Path(arm.urdf).name
+    guess = {"name": "r_cg", "target": "r_cg", "kind": "bias", "sigma": [ANYWHERE] * 3, "group": "first guess"}
+    content = {
+        "body": {"r_cg_from_q": document["body"]["r_cg_from_q"]},
+        "platform": {"gravity": f"{experiment.gravity!r} m/s^2"},
+        "estimator": [{"name": "smoothed", "differentiator": "savitzky-golay", "band": band}],
+        "source": [guess, *(source for source in document["source"] if source["target"] in ("F", "M", "wrench"))],
+        "recording": {
+            "wrench": "on_sensor",
+            "wrench_rotation_to_body": "x, y, z",
+            "method": "joint",
+            "urdf": urdf,
+            "urdf_frame": arm.tool,
+            "urdf_gravity": ["0 m/s^2", "0 m/s^2", f"{-experiment.gravity!r} m/s^2"],
+            "sigma_rotation": "0 deg",
+            "sigma_gyro_bias": "0 rad/s",
+            "sigma_accelerometer_bias": "0 m/s^2",
+        },
+    }
+    robot = ElementTree.tostring(urdf_robot(arm.urdf, "platform.urdf", arm.fixed), "unicode")
+    return {NAME: toml_text(content).encode(), urdf: robot.encode()}

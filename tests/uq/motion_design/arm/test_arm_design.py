@@ -25,8 +25,7 @@ from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.motion_design.arm.arm_design import design_arm, goal_function
-from uq.motion_design.arm.arm_report import arm_report
-from uq.motion_design.arm.joint_export import joint_files
+from uq.motion_design.arm.arm_report import arm_report, joint_files
 from uq.motion_design.arm.largest_motion import largest_size
 from uq.motion_design.arm.mujoco_run import simulated
 

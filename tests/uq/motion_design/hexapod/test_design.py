@@ -17,10 +17,9 @@ from uq.files.mistakes import ExperimentError
 from uq.motion_design.design_goal import GOALS, goal_of, principal_slope
 from uq.motion_design.hexapod.design import Design, design
 from uq.motion_design.hexapod.design_bound import RELAXED, design_bound
-from uq.motion_design.hexapod.design_search import Search
+from uq.motion_design.hexapod.design_search import Search, attenuation
 from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory, differentiator, scaled, stretched
 from uq.motion_design.hexapod.rig_limits import efforts, largest_size, resolved_limits, uses
-from uq.motion_design.hexapod.search_starts import attenuation
 from uq.propagation.prediction import predicted
 
 
