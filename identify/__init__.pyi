@@ -1,8 +1,8 @@
 from .estimators.gram import ordinary_least_squares as ordinary_least_squares
 from .exceptions import RunError as RunError
 from .identification import identify as identify
-from .joint.alignment_prior import Alignment as Alignment
 from .joint.cramer_rao_bound import bound as bound
+from .joint.priors import Alignment as Alignment
 from .results.identification_result import Identification as Identification
 from .results.weak_components import within_bodies as within_bodies
 from .rigid_body.inertia import COMPONENTS as COMPONENTS

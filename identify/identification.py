@@ -8,15 +8,13 @@ import numpy as np
 
 from identify.choices import CgMotion, OffsetChoice
 from identify.exceptions import RunError, explains_names
-from identify.joint.alignment_prior import Alignment
-from identify.joint.priors import ConstantError
+from identify.joint.priors import Alignment, ConstantError
 from identify.judge.held_out import held_out
 from identify.judge.judged_result import judged
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.results.covariances import checked
-from identify.results.identification_result import Identification
-from identify.results.known_bias import covering_bias
+from identify.results.identification_result import Identification, covering_bias
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
 from identify.static.centre_result import Centre

@@ -18,7 +18,7 @@ from scipy import signal
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, payload_by_sysid
 from identify import Run, identify
-from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import Alignment
 from identify.rigid_body.inertia import Body
 from identify.serial_arm.joint_series import JointSeries, JointStates
 from identify.serial_arm.payload_information import about_cg, about_q

@@ -15,7 +15,7 @@ component is found by Newton steps behind logarithmic barriers (Boyd and Vandenb
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.reporting import plain
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS
 from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_cholesky, of_second_moment, second_moment
 
@@ -208,21 +209,8 @@ class Admissible(NamedTuple):
             "distance": self.distance,
             "determined": dict(zip(COMPONENTS, map(bool, self.determined), strict=True)),
             "plain_inertia": dict(zip(COMPONENTS, map(float, self.plain), strict=True)),
-            "plain_interval95": {
-                name: finite(pair) for name, pair in zip(COMPONENTS, self.plain_interval95, strict=True)
-            },
+            "plain_interval95": dict(zip(COMPONENTS, plain(self.plain_interval95), strict=True)),
         }
-
-
-def finite(content: Any) -> Any:
-    """Return content as JSON can hold it: arrays as lists, None for what is infinite or unknown."""
-    if isinstance(content, Mapping):
-        return {key: finite(value) for key, value in content.items()}
-    if isinstance(content, np.ndarray | list | tuple):
-        return [finite(value) for value in content]
-    if isinstance(content, float | np.floating):
-        return float(content) if np.isfinite(content) else None
-    return content
 
 
 def fit(

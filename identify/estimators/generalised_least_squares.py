@@ -9,6 +9,11 @@ stated of it, ``Σ``. ``S`` is estimated from the residuals, less what r's error
 (feasible generalised least squares; Aitken 1936, doi:10.1017/S0370164600014346). Only lines that the motion reaches
 take part: beyond them rows hold nothing but the gyro's noise, which weights could only bring out. Where these are too
 few to learn weights from, the run is fitted by ordinary least squares.
+
+Moments may follow the motion though no rigid body on a rigid platform makes them, as columns of a regression: a
+mounting that flexes makes the moment ``M`` grow with ``f²``, axis by axis (the IMU on the platform); a cable adds its
+stiffness times the angle turned; cross-talk between the load cell's channels adds ``G F`` and ``H M``, of which the
+antisymmetric part of ``G`` is an error of r_CG, and the symmetric part of ``H`` a tensor's.
 """
 
 from collections.abc import Sequence
@@ -16,11 +21,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.declared_effects import DeclaredError, residual_changes
 from identify.estimators.excitation import excitation
-from identify.estimators.motion_columns import angle_turned, motion_columns
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.run_information import (
     Information,
@@ -34,7 +39,7 @@ from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
-from identify.signals.power_spectrum import correlation_time
+from identify.signals.power_spectrum import correlation_time, without_line
 from identify.signals.run import Run
 from identify.sums.normal_equations import products
 from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum
@@ -75,7 +80,7 @@ class Weighed(NamedTuple):
     """The run's equations by ordinary least squares."""
     extended: TensorEquations
     """Weighted equations with unknowns for signals that follow the motion
-    (:mod:`identify.estimators.motion_columns`)."""
+    (:func:`motion_columns`)."""
     scores: np.ndarray
     """Covariance of the three right sides from noise, (18, 18): by what the unknowns for such moments leave."""
     by_errors: np.ndarray
@@ -328,3 +333,49 @@ def _noise(sigma: np.ndarray, weights: np.ndarray, shape: np.ndarray) -> np.ndar
     """Return the expected contribution of alpha's noise [rad/s²] to the normal equations."""
     alpha_regressor = OMEGA_R_OF_FEATURES[ALPHA]
     return np.einsum("k,m,kai,mab,kbj->ij", sigma**2, shape, alpha_regressor, weights, alpha_regressor, optimize=True)
+
+
+CLEAR = 30.0
+"""Power of a line's fitted moment over that of the gyro's noise in it, from which it counts as the motion's."""
+SLOW = 0.01
+"""Part of the moment's power in the slowest lines, where the angle is little but drift of the integral."""
+SYMMETRIC = np.array([[[1, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
+                      [[0, 0, 0], [0, 0, 0], [0, 0, 1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
+                      [[0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]])  # fmt: skip
+ANTISYMMETRIC = np.array([[[0, 1, 0], [-1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
+                          [[0, 0, 0], [0, 0, 1], [0, -1, 0]]])  # fmt: skip
+
+
+def motion_columns(
+    moment: Float[np.ndarray, "k 3"],
+    force: Float[np.ndarray, "k 3"],
+    angle: Float[np.ndarray, "k 3"],
+    frequency: Float[np.ndarray, " k"],
+    noise: Float[np.ndarray, "k 3"],
+) -> Float[np.ndarray, "k 3 15"]:
+    """Return fifteen columns: ``f² M`` and the angle by axis, a symmetric ``G F``, an antisymmetric ``H M``.
+
+    Args:
+        moment: fitted, of lines of the cosine transform [N·m].
+        force: measured [N].
+        angle: that the body has turned by; see :func:`angle_turned` [rad].
+        frequency: of the lines [Hz].
+        noise: power of the gyro's noise in ``moment`` [(N·m)²]; ``f²`` would bring out a line that holds little else.
+    """
+    grown = np.where(moment**2 > CLEAR * noise, moment, 0.0) * frequency[:, None] ** 2
+    power = np.cumsum((moment**2).sum(axis=1))
+    turned = np.where(power[:, None] > SLOW * power[-1], angle, 0.0)
+    by_axis = [signal[:, :, None] * np.eye(3) for signal in (grown, turned)]
+    across = [np.einsum("nab,kb->kan", maps, signal) for maps, signal in ((SYMMETRIC, force), (ANTISYMMETRIC, moment))]
+    return np.concatenate([*by_axis, *across], axis=2)
+
+
+def angle_turned(omega: Float[np.ndarray, "n 3"], segments: Sequence[slice], rate: float) -> Float[np.ndarray, "n 3"]:
+    """Return the integral of the angular velocity over each segment without a gap, less its straight line [rad].
+
+    The straight line holds the gyro's bias. Good for angles of a few tenths of a radian.
+    """
+    angle = np.zeros_like(omega)
+    for segment in segments:
+        angle[segment] = without_line(np.cumsum(omega[segment], axis=0).T / rate).T
+    return angle

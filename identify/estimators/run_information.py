@@ -6,7 +6,6 @@ axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.power_spectrum import correlation_time, noise_level, welch
 from identify.signals.run import Run
-from identify.sums.residual_spectrum import leverage, spectrum
+from identify.sums.residual_spectrum import Spectrum, leverage, spectrum
 from identify.sums.residual_trace import Trace, trace
 from identify.sums.run_lines import ACTING, FORCE, MOMENT, MOTION, RunLines, run_lines
 
@@ -104,15 +103,15 @@ def information_of_lines(
     spread = np.linalg.pinv(normal, hermitian=True)
     inertia = spread @ right
     residuals = used.residuals(inertia, r_cg)
-    shown = _shown_by(residuals, used, spread, estimator, offsets)
-    scores = shown.scores
+    errors = _spectrum_of(residuals, used, spread, estimator, offsets)
+    scores = errors.scores(used)
     sigma = alpha_noise(run, estimator)
     noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
     removed = None
     if offsets == "estimate":
         removed = estimated(
             rows=lines.mean_regressor, force=lines.means[FORCE], moment=lines.means[MOMENT], r_cg=r_cg, inertia=inertia,
-            covariance=spread @ scores @ spread, mean_covariance=shown.constant / count,
+            covariance=spread @ scores @ spread, mean_covariance=errors.at(slice(0, 1))[0] / count,
         )  # fmt: skip
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
@@ -123,7 +122,7 @@ def information_of_lines(
         run=run, normal=normal, right=right, right_by_centre=by_centre, noise=noise, inertia=inertia, scores=scores,
         excitation=excitation(normal, noise), offsets=removed, residual=in_time.std(axis=0),
         correlation_time=correlation_time(in_time), rows=count, gain_error=gain_error(run, estimator),
-        degrees_of_freedom=shown.degrees_of_freedom,
+        degrees_of_freedom=errors.degrees_of_freedom(used, spread),
         trace=trace(lines.t, in_time, used.moment_in_time(r_cg), lines.motion),
     )  # fmt: skip
 
@@ -146,27 +145,16 @@ def _equations(products: np.ndarray, r_cg: np.ndarray) -> tuple[np.ndarray, np.n
     return normal, right, np.array(shifted).T - right[:, None]
 
 
-class ShownByResiduals(NamedTuple):
-    """Noise of the normal equations as the residuals of least squares show it."""
-
-    scores: np.ndarray
-    """Covariance of ``Σ Ωᵀu``, (6, 6)."""
-    constant: np.ndarray
-    """Covariance of the errors' lowest line, (3, 3) [(N·m)²]."""
-    degrees_of_freedom: np.ndarray
-    """Effective degrees of freedom of the variance of each component, (6,)."""
-
-
-def _shown_by(
+def _spectrum_of(
     residuals: np.ndarray, lines: RunLines, inverse: np.ndarray, estimator: EstimatorSpec, offsets: OffsetChoice
-) -> ShownByResiduals:
+) -> Spectrum:
+    """Return the spectrum of the errors as the residuals of least squares show it."""
     at = lines.lines
     free = 1 - leverage(lines, inverse)
     if offsets == "estimate":
         free = np.clip(free - at.constant[:, None] ** 2 / len(residuals), 0, 1)
     passed = response(estimator.filter_taps(lines.run.rate), lines.run.rate, at.frequency) ** 2
-    errors = spectrum(residuals, free, at.constants, passed)
-    return ShownByResiduals(errors.scores(lines), errors.at(slice(0, 1))[0], errors.degrees_of_freedom(lines, inverse))
+    return spectrum(residuals, free, at.constants, passed)
 
 
 def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:

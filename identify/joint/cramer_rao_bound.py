@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from identify.exceptions import explains_names
-from identify.joint.alignment_prior import Alignment
 from identify.joint.gauss_newton import information, posterior
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
-from identify.joint.priors import STATIC, PriorBlock
+from identify.joint.priors import STATIC, Alignment, PriorBlock
 from identify.joint.single_run import REACH, Setting, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body

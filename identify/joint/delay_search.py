@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import Alignment
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PI_OF_FORCE, features
 from identify.signals.band_limited_run import InBand
 from identify.signals.resample import UniformSpline

@@ -9,12 +9,11 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import Offsets
-from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.prior_departure import departures
-from identify.joint.priors import STATIC, axes_of, calibrated, indices
+from identify.joint.priors import STATIC, Alignment, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
 from identify.results.identification_result import Identification

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identify.estimators.excitation import excitation
-from identify.joint.alignment_prior import Alignment
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
-from identify.joint.gauss_newton import ROUGH, TOLERANCE, RunSolution, posterior, solve
+from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, unknowns
 from identify.joint.motion_signals import MotionSignals
-from identify.joint.priors import ConstantError, Prior, PriorBlock, prior
+from identify.joint.priors import Alignment, ConstantError, Prior, PriorBlock, prior
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
@@ -41,8 +40,6 @@ class Setting:
     """Order of magnitude of the tensor [kg·m²]."""
     flat: tuple[str, ...] = ("inertia",)
     """Unknowns of which nothing is known beforehand."""
-    noise: np.ndarray | None = None
-    """Standard deviation of one sample's white noise, force [N] and moment [N·m]; None: from the residuals."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source; ``blocks`` hold them too."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -68,10 +65,6 @@ class JointRun:
         """The most probable unknowns, flat."""
         return self.prior.theta(self.fit.z)
 
-    def prior_sigma(self, name: str) -> np.ndarray:
-        """Return the standard uncertainties of an unknown beforehand; zero where it has no prior or is exact."""
-        return np.sqrt(np.diag(self.prior.covariance)[SLICES[name]])
-
     @property
     def covariance(self) -> np.ndarray:
         """Covariance of the unknowns, given samples and priors."""
@@ -89,38 +82,18 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     """
     model, beforehand, gyro_noise = prepare(run, setting)
     _check_excitation(run, model, setting, gyro_noise)
-    raw = _raw_noise(run, model, beforehand) if setting.noise is None else np.diag(np.square(setting.noise))
+    noise, start = _raw_noise(run, model, beforehand) / model.rows.factor, search_start(model, beforehand, setting)
     try:
-        fit, noise = fitted(model, beforehand, raw / model.rows.factor, setting, run.name)
+        first = solve(model, beforehand, whitener(noise), start, ROUGH)
+        _check(run.name, model, beforehand, first)
+        noise = residual_noise(first, beforehand, model)
+        fit = solve(model, beforehand, whitener(noise), first.z)
+        _check(run.name, model, beforehand, fit)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
     return JointRun(
         run=run, model=model, prior=beforehand, fit=fit, noise=noise * model.rows.factor, gyro_noise=gyro_noise
     )
-
-
-def fitted(
-    model: Model, beforehand: Prior, noise: np.ndarray, setting: Setting, name: str
-) -> tuple[RunSolution, np.ndarray]:
-    """Return the solution of a run, and the covariance of one row's noise that it was weighed with.
-
-    Args:
-        model: the run.
-        beforehand: the prior of its unknowns.
-        noise: covariance of one row's noise, (rows, rows): declared, or a first guess.
-        setting: all else that is declared; with ``setting.noise`` the covariance stays as it is.
-        name: what messages call the run.
-    """
-    start = _start(model, beforehand, setting)
-    tolerance = TOLERANCE if setting.noise is not None else ROUGH
-    first = solve(model, beforehand, whitener(noise), start, tolerance)
-    _check(name, model, beforehand, first)
-    if setting.noise is not None:
-        return first, noise
-    shown = residual_noise(first, beforehand, model)
-    fit = solve(model, beforehand, whitener(shown), first.z)
-    _check(name, model, beforehand, fit)
-    return fit, shown
 
 
 def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
@@ -257,8 +230,8 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
 
-def _start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
-    """Start of the search: delay and tensor by cross-correlation, the gyro's bias from the slow turn of the force."""
+def search_start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
+    """Return where the search starts: delay and tensor by cross-correlation, the gyro's bias from the force."""
     alignment = setting.alignment
     turn = exponential(np.asarray(alignment.rotation, float))
     best = search_delay(model.rows, alignment, turn)

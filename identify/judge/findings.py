@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.results.residual_cause import ResidualCause
+from identify.results.declaration import ResidualCause
 from identify.rounding import significant, with_uncertainty
 
 MATTERS = 0.5

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import Model, unknowns
 from identify.joint.motion_signals import MotionSignals
+from identify.joint.priors import Alignment
 from identify.joint.single_run import start_bias, start_up
 from identify.rigid_body.rotation import exponential
 

@@ -29,8 +29,7 @@ from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.judge.weight import falls
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
-from identify.results.held_out_result import HeldOut
-from identify.results.held_out_run import HeldOutRun
+from identify.results.held_out_result import HeldOut, HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
 from identify.signals.run import Run

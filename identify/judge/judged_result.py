@@ -5,24 +5,21 @@ from dataclasses import replace
 import numpy as np
 
 from identify.exceptions import RunError
-from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import PriorBlock, error_blocks
+from identify.joint.priors import Alignment, PriorBlock, error_blocks
 from identify.joint.single_run import Setting
 from identify.judge import declared_quantities, specification
 from identify.judge.evidence import Evidence
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import by_held_errors
-from identify.judge.resonance import ResonancePeak, resonance
+from identify.judge.resonance import ResonancePeak, lines_of, resonance, saturated
 from identify.judge.run_fit import RunFit, fit_run, tensor_change
-from identify.judge.saturation import saturated
-from identify.judge.spectral_lines import lines_of
 from identify.judge.weight import LEAST_WEIGHT, falls, lasting
 from identify.methods.base import Problem
 from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
+from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
-from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rounding import significant
 from identify.signals.band_limited_run import InBand, in_band

@@ -1,18 +1,24 @@
-"""A peak of force or moment above the motion's band: a mounting that rings, a machine beside it.
+"""What a run's own signals show: peaks and lines above the motion's band, the end of a sensor's range.
 
-Broad ones, too: a resonance of damping ζ at f is 2 ζ f wide.
+A peak of force or moment is a mounting that rings, or a machine beside it. Broad ones, too: a resonance of damping ζ at
+f is 2 ζ f wide. A line in the residual moment (a resonance, mains hum, an imbalance) stands against coloured noise by
+its surroundings. A sensor's range ends where samples stay at an extreme value.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.judge.findings import Finding
-from identify.results.residual_cause import ResidualCause
+from identify.results.declaration import ResidualCause
+from identify.results.identification_result import Identification
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
+from identify.sums.run_lines import rows_of
 
 SEGMENT = 2.0
 """Length of the segments whose spectra are averaged [s].
@@ -109,3 +115,171 @@ def _level(frequency: np.ndarray, density: np.ndarray, at: int, lowest: float, b
     near, far = (frequency[at] * factor ** (-1 if below else 1) for factor in BESIDE)
     side = (frequency > max(min(near, far), lowest)) & (frequency < max(near, far))
     return float(np.median(density[side])) if side.any() else 0.0
+
+
+CHANCE = 1e-5
+"""Chance of a false line in pure noise, over all frequencies and axes.
+
+Chance: stated as such; one clean run in 100,000.
+"""
+AROUND = 40
+"""Length of the spectrum over that of the median which is its level.
+
+Choice: one in 40, far wider than a line and narrower than a slope of coloured noise.
+"""
+LEAST = 1e-3
+"""Smallest part of the residuals' variance that is reported.
+
+Price: residuals 0.05 % larger.
+"""
+SHORTEST = 32
+"""Samples below which nothing is judged.
+
+Choice: the level needs 11 frequencies on each side.
+"""
+
+
+class SpectralLine(NamedTuple):
+    """The strongest line of a signal."""
+
+    frequency: float
+    """Frequency of the line [Hz]."""
+    axis: int
+    rms: float
+    """Root mean square of the line, in the signal's unit."""
+    share: float
+    """Part of the signal's variance, all axes together."""
+
+
+def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
+    """Return the line in a run's residual moment above the motion's band, if there is one.
+
+    Args:
+        run: the run.
+        result: of an estimator by rows of Omega_R, whose low-pass is left out here.
+    """
+    residuals = _residual_moment(run, result)
+    strongest = line(residuals, run.rate, above=ABOVE * run.band) if len(residuals) >= SHORTEST else None
+    if strongest is None or strongest.share < LEAST:
+        return []
+    verdict = Finding.SPECTRAL_LINE.cause(
+        run.name, axis=f"b{strongest.axis + 1}", share=strongest.share, frequency=significant(strongest.frequency),
+        size=f"{significant(strongest.rms, 2)} N·m",
+    )  # fmt: skip
+    return [verdict]
+
+
+def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:
+    """Residual moment about the centre of gravity, without the estimator's low-pass [N·m]."""
+    rows = rows_of(run, replace(result.estimator, lowpass=None))
+    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
+    return moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
+
+
+def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:
+    """Return the line that stands out most from the spectrum around it; None where none does.
+
+    Args:
+        signal: samples first.
+        rate: sample rate [Hz].
+        above: lowest frequency to look at [Hz].
+    """
+    n = len(signal)
+    window = np.hanning(n)
+    spectrum = np.abs(np.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)) ** 2
+    frequency = np.fft.rfftfreq(n, 1 / rate)
+    width = max(len(frequency) // AROUND, 11) | 1
+    level = _median_level(spectrum, width)
+    usable = (frequency > max(above, 4 * rate / n)) & (frequency < 0.95 * rate / 2)
+    if usable.sum() < 2 * width:
+        return None
+    ratio = np.where(usable[:, None], spectrum / np.maximum(level, 1e-300 + 1e-12 * spectrum.max()), 0.0)
+    peak, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
+    if ratio[peak, axis] < np.log(ratio.size / CHANCE) * SAFETY:
+        return None
+    power = _power(spectrum[:, axis], level[:, axis], int(peak)) / (n * (window**2).sum()) * 2
+    variance = float(signal.var(axis=0).sum())
+    return SpectralLine(
+        float(frequency[peak]), int(axis), float(np.sqrt(power)), float(min(power / max(variance, 1e-300), 1.0))
+    )
+
+
+STEPS = 8
+"""Medians of the spectrum per width of the level.
+
+Numerical: between them they are interpolated.
+"""
+SAFETY = 1.5
+"""Factor on the ratio that chance allows, as the level is itself an estimate, over few frequencies where the run is
+short.
+
+Choice: a median of 11 frequencies is low by 45 % in one of ten, and the largest of two medians counts.
+"""
+
+
+def _median_level(spectrum: np.ndarray, width: int) -> np.ndarray:
+    """Level of the spectrum around each bin: its median on the side where that is higher, a slope being no line.
+
+    The medians of neighbouring bins are hardly apart: they are taken every few bins, and interpolated between.
+    """
+    count, step = len(spectrum), max(width // STEPS, 1)
+    padded = np.pad(spectrum, ((width, width), (0, 0)), mode="reflect" if count > width else "edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=0)[::step]
+    medians, starts = np.median(windows, axis=-1), np.arange(0, len(padded) - width + 1, step)
+    bins = np.arange(count) + width
+    before, after = (
+        np.stack([np.interp(bins + shift, starts, column) for column in medians.T], axis=1) for shift in (1 - width, 0)
+    )
+    return np.asarray(np.maximum(before, after) / np.log(2))
+
+
+def _power(spectrum: np.ndarray, level: np.ndarray, peak: int) -> float:
+    """Power above the level about the peak, over the bins that exceed three times the level."""
+    out = spectrum > 3 * level
+    first = last = peak
+    while first > 0 and out[first - 1]:
+        first -= 1
+    while last + 1 < len(out) and out[last + 1]:
+        last += 1
+    return float(np.maximum(spectrum - level, 0)[first : last + 1].sum())
+
+
+FLAT = 10
+"""Samples of one extreme value from which a sensor's range has ended.
+
+Choice: noise of a fine resolution has one. Of a coarse one, see ``OVER_NEXT``.
+"""
+OVER_NEXT = 3
+"""Samples of the extreme value over those of the value next to it from which a sensor's range has ended.
+
+Choice: a coarse resolution gives the extreme value fewer samples than its neighbour.
+"""
+ONE_VALUE = 1e-6
+"""Part of a signal's range within which samples are of one value.
+
+Numerical: stamps rounded to nanoseconds make a spline to uniform instants move samples of 1 kHz by less.
+"""
+QUANTITIES = {"force": "force", "moment": "moment", "omega": "angular velocity"}
+
+
+def saturated(run: Run) -> list[ResidualCause]:
+    """Return a finding for each end of each channel at which samples stay that are not left out."""
+    return [
+        Finding.SATURATION.cause(
+            run.name, axis=f"b{axis}", share=count / len(values), quantity=name, value=significant(end, 4), count=count
+        )
+        for quantity, name in QUANTITIES.items()
+        for axis, values in enumerate(getattr(run, quantity)[run.usable].T, 1)
+        for end in (values.min(), values.max())
+        if (count := _at_end(values, end))
+    ]
+
+
+def _at_end(values: Float[np.ndarray, " n"], end: float) -> int:
+    """Count of samples that stay at an extreme value; 0: no more than noise or a coarse resolution brings there."""
+    away = np.abs(values - end)
+    width = ONE_VALUE * away.max()
+    count, beyond = int(np.count_nonzero(away <= width)), away[away > width]
+    if count < FLAT or not len(beyond) or np.ptp(beyond) <= width:  # a signal of two values is no clipped one
+        return 0
+    return count if count > OVER_NEXT * np.count_nonzero(beyond <= beyond.min() + width) else 0

@@ -10,7 +10,7 @@ from identify.estimators.hausman import EstimateDifference
 from identify.judge.evidence import spectrum
 from identify.judge.findings import MATTERS, Finding, signed
 from identify.judge.run_fit import RunFit
-from identify.results.residual_cause import ResidualCause
+from identify.results.declaration import ResidualCause
 from identify.rounding import significant
 from identify.sums.normal_equations import products
 

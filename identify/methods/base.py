@@ -11,8 +11,7 @@ import numpy as np
 from identify import methods
 from identify.choices import CgMotion, OffsetChoice
 from identify.exceptions import RunError
-from identify.joint.alignment_prior import Alignment
-from identify.joint.priors import ConstantError
+from identify.joint.priors import Alignment, ConstantError
 from identify.results.identification_result import Identification
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run

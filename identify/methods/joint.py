@@ -7,12 +7,10 @@ import numpy as np
 
 from identify.exceptions import RunError
 from identify.floating_point import check_precision
-from identify.joint.alignment_prior import Alignment
-from identify.joint.joint_model import SpecificForce
+from identify.joint.joint_model import SLICES, SpecificForce
 from identify.joint.joint_result import joint_result
-from identify.joint.priors import STATIC, ConstantError, PriorBlock, error_blocks, linked
-from identify.joint.single_run import Setting, joint_run
-from identify.joint.still_check import check_still
+from identify.joint.priors import STATIC, Alignment, ConstantError, PriorBlock, error_blocks, linked
+from identify.joint.single_run import JointRun, Setting, joint_run
 from identify.methods.base import Method, Problem
 from identify.results.identification_result import Identification
 from identify.signals.run import Run
@@ -111,3 +109,41 @@ def tensor_scale(runs: Sequence[Run], band: float) -> float:
     """Return the tensor's order of magnitude [kg·m²]: moment over angular acceleration at the highest frequency."""
     moment, omega = (max(float(np.square(getattr(run, name)).mean()) for run in runs) for name in ("moment", "omega"))
     return float(np.sqrt(moment) / max(np.sqrt(omega) * 2 * np.pi * band, 1e-12)) or 1.0
+
+
+PLACED_WITHIN = 0.01
+"""Distance of an accelerometer from its declared position [m] that does not count as a contradiction."""
+
+
+def check_still(fitted: JointRun) -> None:
+    """Refuse a run whose accelerometer shows that the centre of gravity is not still.
+
+    What it reads, less gravity, is the acceleration of the point where it stands. If the centre of gravity is still,
+    that is ``alpha × d + omega × (omega × d)`` with d the declared distance; least squares gives the true one.
+
+    Args:
+        fitted: a run with its joint estimate, its centre of gravity declared still.
+
+    Raises:
+        RunError: the two distances differ by more than the declared miss and the accelerometer's place explain.
+    """
+    run, at = fitted.run, fitted.fit.prediction
+    if run.specific_force is None or run.imu_position is None:
+        return
+    levers = at.signals.levers
+    columns = np.concatenate([levers, np.broadcast_to(np.eye(3), levers.shape)], axis=2).reshape(-1, 6)
+    measured = (at.signals.accelerometer - at.at_known_point).reshape(-1)
+    inverse = np.linalg.inv(columns.T @ columns)
+    solution = inverse @ columns.T @ measured
+    level = float(np.mean((measured - columns @ solution) ** 2))
+    # the accelerometer from the point at rest, less the same from the centre of gravity: that of the latter from rest
+    miss = solution[:3] - (run.imu_position - at.x["r_cg"])
+    spread = np.sqrt(level * np.diag(inverse)[:3])
+    beyond = np.abs(miss) - PLACED_WITHIN - 5 * spread
+    declared = np.sqrt(np.diag(fitted.prior.covariance)[SLICES["cg_from_still"]])
+    if (beyond > 3 * declared).any():
+        raise RunError(
+            f'the accelerometer in {run.name} contradicts cg_motion = "still": the centre of gravity moves as if '
+            f"{1e3 * float(np.linalg.norm(miss)):.0f} mm from the point at rest; remove cg_motion, or correct "
+            "imu_position"
+        )

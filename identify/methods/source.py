@@ -1,6 +1,6 @@
 """The paper's estimator, named ``source``: r_CG as stated, ordinary least squares; the result of any by rows."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,24 +27,14 @@ class SourceEstimator(Method):
     type_a = "What the runs show, residuals correlated in time and scatter between runs, is evaluated as type A."
 
     def fit(self, problem: Problem) -> Identification:
-        """Return the tensor with its uncertainty."""
-        return pooled_result(problem, information, "source")
+        """Return the tensor with its uncertainty.
 
-
-def pooled_result(problem: Problem, run_information: Callable[..., Information], method: str) -> Identification:
-    """Return the tensor from each run's normal equations.
-
-    Args:
-        problem: runs, and priors.
-        run_information: a run's normal equations; see :func:`identify.estimators.run_information.information`.
-        method: name of the estimator.
-
-    Raises:
-        RunError: a run too short for the estimator, or a motion that identifies nothing.
-    """
-    spec = estimator_for(problem)
-    informations = [run_information(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
-    return result_of(problem, spec, informations, pool(informations, problem.sigma_r_cg), method)
+        Raises:
+            RunError: a run too short for the estimator, or a motion that identifies nothing.
+        """
+        spec = estimator_for(problem)
+        runs = [information(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
+        return result_of(problem, spec, runs, pool(runs, problem.sigma_r_cg), "source")
 
 
 def result_of(

@@ -6,18 +6,17 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.estimators.admissible_tensor import Admissible, finite
+from identify.estimators.admissible_tensor import Admissible
 from identify.estimators.pooling import Pooling
-from identify.reporting import Result, interval_records
+from identify.reporting import Result, interval_records, plain
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
-from identify.results.contributions import contributions
-from identify.results.declaration import Declaration, contradicted, status
+from identify.results.declaration import Declaration, ResidualCause, contradicted, status
 from identify.results.discordance import Discordance
 from identify.results.held_out_result import HeldOut
-from identify.results.residual_cause import ResidualCause
 from identify.results.run_estimate import RunEstimate, offsets_content
 from identify.results.undeclared import Undeclared
 from identify.rigid_body.fixture import Tare
@@ -26,6 +25,41 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters, b
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
+
+RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
+ESTIMATE = "estimate"
+"""All that an estimator states by itself, where it does not tell its parts apart."""
+
+
+def contributions(
+    budget: Mapping[str, np.ndarray] | None, diagnostics: Mapping[str, Any], fixture: np.ndarray | None
+) -> Mapping[str, np.ndarray]:
+    """Return each part's contribution to the standard uncertainty of the components [kg·m²]; empty if unknown.
+
+    The budget of the declared sources where there is one; else residuals, scatter and centre of gravity.
+
+    Args:
+        budget: contributions by source [kg·m²]; None: no sources are declared.
+        diagnostics: of the fit.
+        fixture: what taking a fixture off adds to the variances [(kg·m²)²]; None: nothing was taken off.
+    """
+    if budget is not None:
+        taken_off = {} if fixture is None else {FIXTURE: np.sqrt(np.maximum(fixture, 0))}
+        return {**budget, **taken_off}
+    if "standard_uncertainty_from_residuals" not in diagnostics or "standard_uncertainty_from_cg" not in diagnostics:
+        return {}
+    residual = np.array(diagnostics["standard_uncertainty_from_residuals"])
+    ratio = np.array(diagnostics["scatter_between_runs"])
+    beyond = residual * np.sqrt(np.maximum(ratio**2 - 1, 0))
+    parts = {RESIDUALS: residual, SCATTER: beyond, CG: np.array(diagnostics["standard_uncertainty_from_cg"])}
+    return {name: values for name, values in parts.items() if values.any()}
+
+
+def evaluation_type(name: str) -> str:
+    """Return the type of evaluation of a part (GUM 4.2, 4.3): A by statistics of the runs, B by other means."""
+    if name == FIXTURE:
+        return "A, B"
+    return "A" if name in (RESIDUALS, ESTIMATE) or name.startswith("scatter between") else "B"
 
 
 @dataclass(frozen=True, repr=False)
@@ -249,7 +283,7 @@ class Identification(Result):
             "provenance": dict(self.provenance),
             **({} if self.validation is None else {"validation": self.validation.to_dict()}),
         }
-        return {key: finite(value) for key, value in content.items()}
+        return dict(plain(content))
 
     def records(self) -> list[dict[str, Any]]:
         """Return value, bias, standard uncertainty and interval of each component [kg·m²]; the second where known."""
@@ -266,3 +300,17 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
 
 def _centre_ends(wide: Identification | None) -> np.ndarray | None:
     return None if wide is None else mass_and_centre.interval95(wide.parameters, wide.centre_factor)
+
+
+def covering_bias(result: Identification, bias: Float[np.ndarray, "6"]) -> Identification:
+    """Return a result whose interval reaches as much further, on the side where the truth then is, as is expected.
+
+    So it covers an expected error which is not corrected (GUM F.2.4.5).
+
+    Args:
+        result: its ``interval95`` does not hold this error yet.
+        bias: expected error of each component [kg·m²]; NaN counts as none.
+    """
+    expected = np.nan_to_num(bias)
+    ends = np.stack([np.maximum(expected, 0.0), np.minimum(expected, 0.0)], axis=1)
+    return replace(result, interval95=result.interval95 - ends)

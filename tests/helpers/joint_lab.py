@@ -9,9 +9,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from identify.estimators.gram import solve
-from identify.joint.gauss_newton import posterior
+from identify.joint import gauss_newton
 from identify.joint.priors import STATIC, PriorBlock
-from identify.joint.single_run import REACH, JointRun, Setting, fitted, joint_run, prepared
+from identify.joint.single_run import REACH, JointRun, Setting, joint_run, prepared, search_start, whitener
 from identify.motion.trajectory import sample
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body, pack
@@ -107,11 +107,12 @@ class Laboratory:
         """The unknowns and their covariance from rows, the noise being declared."""
         s = standard_deviations(self.experiment)
         sigma = np.concatenate([s["F_precision"], s["M_precision"]])
-        setting = Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1, sigma)
+        setting = Setting({STATIC: known}, alignment, BAND, "still", self.experiment.gravity, 0.1)
         rate = self.experiment.trajectories["T1"].rate
         model, before = prepared(rows, s["omega_precision"] / np.sqrt(rate), np.zeros(3), setting)
-        fit, _ = fitted(model, before, np.diag(sigma**2) / rows.factor, setting, "a run")
-        return np.asarray(before.theta(fit.z)), posterior(fit.information, before)[0]
+        noise = whitener(np.diag(sigma**2) / rows.factor)
+        fit = gauss_newton.solve(model, before, noise, search_start(model, before, setting))
+        return np.asarray(before.theta(fit.z)), gauss_newton.posterior(fit.information, before)[0]
 
     def calibration(self, rng, correlated=None):
         """What static poses say of this body: drawn around the truth with the declared covariance."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from identify.judge import followed_causes, judged_result, resonance, specification
 from identify.judge.causes import causes
-from identify.judge.conventions import conventions, imu_conventions, removed_weight, rotation_findings, wrench_findings
+from identify.judge.conventions import conventions, free_rotation, imu_conventions, removed_weight, wrench_findings
 from identify.judge.conventions.convention_fit import MOMENT_TERMS
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ImuSignal, WrenchSignal, convention_sums
 from identify.judge.evidence import Base, evidence
@@ -32,10 +32,10 @@ LIMITS = {
     "chance of least squares' difference": ("≥", specification.CHANCE),
     "part of what lies above the motion's band in one peak": ("≤", resonance.MOST),
     "chi-square of other axes, less that as declared": ("≥", -conventions.DECISIVE),
-    "chi-square of a small turn": ("≤", rotation_findings.CERTAIN_SHIFT),
-    "small turn, deg": ("≤", float(np.degrees(rotation_findings.LEAST_TURN))),
-    "force that no rigid body explains, in parts": ("≤", rotation_findings.NOT_RIGID),
-    "moment that no rigid body explains, in parts": ("≤", rotation_findings.NOT_RIGID),
+    "chi-square of a small turn": ("≤", free_rotation.CERTAIN_SHIFT),
+    "small turn, deg": ("≤", float(np.degrees(free_rotation.LEAST_TURN))),
+    "force that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
+    "moment that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
     "chi-square of another point": ("≤", wrench_findings.CERTAIN_SHIFT),
     "distance to another point, m": ("≤", wrench_findings.LEAST_SHIFT),
     "departure of the force from the weight, in parts": ("≤", wrench_findings.MASS_TOLERANCE),

@@ -13,7 +13,7 @@ import numpy as np
 
 from identify import methods
 from identify.choices import CgMotion
-from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import Alignment
 from identify.rigid_body.rotation import signed_order
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written

@@ -9,8 +9,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.estimators.pooling import Pooling
-from identify.results.contributions import ESTIMATE
-from identify.results.identification_result import Identification
+from identify.results.identification_result import ESTIMATE, Identification
 from uq.sources.source import Source
 
 Name = str

@@ -11,13 +11,13 @@ from identify.choices import OffsetChoice
 from identify.estimators.offsets import rest_of
 from identify.exceptions import explains_names
 from identify.identification import identify
-from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import Alignment
 from identify.judge.findings import Finding
 from identify.methods.base import estimator_of
 from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
+from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
-from identify.results.residual_cause import ResidualCause
 from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError

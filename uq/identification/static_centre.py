@@ -9,8 +9,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.conventions.pose_findings import PoseReading, pose_findings
-from identify.judge.conventions.rotation_findings import axes_text
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError, refuse_excess
 from identify.signals.segments import still

@@ -21,8 +21,7 @@ from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
 from identify.results.covariances import positive, with_cross
-from identify.results.identification_result import Identification
-from identify.results.known_bias import covering_bias
+from identify.results.identification_result import Identification, covering_bias
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.run import Run

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from identify.joint import cramer_rao_bound
-from identify.joint.alignment_prior import Alignment
 from identify.joint.joint_model import SpecificForce
+from identify.joint.priors import Alignment
 from identify.signals.power_spectrum import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.judge.conventions.convention_sums import ImuSignal
-from identify.judge.conventions.declared_rig import DeclaredRig, Vector
-from identify.judge.conventions.rotation_findings import axes_text
+from identify.judge.conventions.convention_sums import DeclaredRig, ImuSignal, Vector
+from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import from_quaternions, quaternions, rotation_vectors, signed_order
 from identify.rounding import fixed, significant

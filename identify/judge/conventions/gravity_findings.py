@@ -14,16 +14,17 @@ from identify.judge.conventions.convention_sums import (
     SMOOTHING,
     STEP,
     WINDOW,
+    DeclaredRig,
     ImuSignal,
+    Vector,
     WrenchSignal,
     carried_attitude,
     smoothed,
 )
 from identify.judge.conventions.conventions import COSTS, DECISIVE, EQUAL
-from identify.judge.conventions.declared_rig import DeclaredRig, Vector
 from identify.judge.conventions.free_gravity import GravityFit, PosedForce, Rotations
+from identify.judge.conventions.free_rotation import COVERAGE, axes_text, compound
 from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
-from identify.judge.conventions.rotation_findings import COVERAGE, axes_text, compound
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 from identify.rigid_body.rotation import exponential

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from identify.judge.conventions.convention_sums import ImuSignal
 from identify.judge.conventions.conventions import signed_axes
-from identify.judge.conventions.rotation_findings import axes_text
+from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES

@@ -21,9 +21,8 @@ from identify.judge.conventions.convention_fit import (
     ROWS,
     WEIGHT,
 )
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums, DeclaredRig
 from identify.judge.conventions.conventions import DECISIVE, LARGEST_LEVER, Scales, hypotheses
-from identify.judge.conventions.declared_rig import DeclaredRig
 
 AIR = 1.0
 """Density below which no body on a load cell is [kg/m³].

@@ -17,7 +17,10 @@ from identify.judge.conventions.convention_sums import (
     MOMENT,
     SPECIFIC,
     ConventionSums,
+    DeclaredRig,
     ImuSignal,
+    Matrix,
+    Vector,
     WrenchSignal,
     convention_sums,
 )
@@ -30,8 +33,17 @@ from identify.judge.conventions.conventions import (
     misalignment,
     scales,
 )
-from identify.judge.conventions.declared_rig import DeclaredRig, Matrix, Vector
-from identify.judge.conventions.free_rotation import FreeRotation
+from identify.judge.conventions.free_rotation import (
+    CERTAIN_SHIFT,
+    LEAST_TURN,
+    FreeRotation,
+    axes_text,
+    compound,
+    explains,
+    oblique_rotation,
+    rotation_finding,
+    small_turn_text,
+)
 from identify.judge.conventions.gravity_findings import AttitudeSignal, run_gravity
 from identify.judge.conventions.imu_conventions import STANDARD_GRAVITY, in_free_fall, wrong_units
 from identify.judge.conventions.removed_weight import (
@@ -41,16 +53,6 @@ from identify.judge.conventions.removed_weight import (
     apparent_mass,
     mass_by_motion,
     missing_weight,
-)
-from identify.judge.conventions.rotation_findings import (
-    CERTAIN_SHIFT,
-    LEAST_TURN,
-    axes_text,
-    compound,
-    explains,
-    oblique_rotation,
-    rotation_finding,
-    small_turn_text,
 )
 from identify.judge.conventions.wrench_units import BodyByWrench, other_units
 from identify.judge.findings import Contradiction, Finding

@@ -22,9 +22,8 @@ from identify.judge.conventions.convention_fit import (
     ROWS,
     CentreFit,
 )
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, DeclaredRig, Matrix, Vector
 from identify.judge.conventions.conventions import DECISIVE, EQUAL, Scales
-from identify.judge.conventions.declared_rig import DeclaredRig, Matrix, Vector
 from identify.judge.conventions.removed_weight import AIR, CERTAIN
 
 POUND_FORCE, KILOGRAM_FORCE, INCH, FOOT = 4.4482216152605, 9.80665, 0.0254, 0.3048

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from identify.estimators.declared_effects import DeclaredError
-from identify.estimators.generalised_least_squares import whitened
+from identify.estimators.generalised_least_squares import (
+    ANTISYMMETRIC,
+    SYMMETRIC,
+    angle_turned,
+    motion_columns,
+    whitened,
+)
 from identify.estimators.hausman import CHANCE, differences
-from identify.estimators.motion_columns import ANTISYMMETRIC, SYMMETRIC, angle_turned, motion_columns
 from identify.estimators.pooling import pool
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec

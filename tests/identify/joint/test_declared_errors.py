@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identify.joint.priors import ConstantError
-from identify.results.known_bias import covering_bias
+from identify.results.identification_result import covering_bias
 from identify.signals.run import RunError
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified

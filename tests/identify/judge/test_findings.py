@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from identify.judge.findings import Finding
-from identify.judge.saturation import saturated
+from identify.judge.resonance import saturated
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import run_of
 from tests.helpers.troubles import TROUBLES

@@ -9,7 +9,7 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.judge.findings import Finding
-from identify.judge.saturation import saturated
+from identify.judge.resonance import saturated
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import TROUBLES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
-from identify.joint.alignment_prior import Alignment
+from identify.joint.priors import Alignment
 from identify.judge.weight import lasting
 from tests.helpers import wrist_runs
 from tests.helpers.wrist_runs import MASS, R_CG, TENSOR, G, run

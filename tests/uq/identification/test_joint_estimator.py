@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
-from identify.joint.alignment_prior import Alignment
 from identify.joint.cramer_rao_bound import bound
 from identify.joint.joint_model import SLICES
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, pool
-from identify.joint.priors import indices
+from identify.joint.priors import Alignment, indices
 from identify.rigid_body.regressor import omega_r
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import in_band, low_pass

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from identify.results.alignment import Aligned
-from identify.results.contributions import evaluation_type
-from identify.results.identification_result import Identification
+from identify.results.identification_result import Identification, evaluation_type
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from identify.results.held_out_run import FORCE, HeldOutRun
+from identify.results.held_out_result import FORCE, HeldOutRun
 from uq.report.figures.style import AXIS_COLOURS, FILL, PAGE, PALETTE, RULE, legend_above, new_figure
 
 

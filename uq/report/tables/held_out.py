@@ -1,8 +1,7 @@
 """The view of a held-out prediction: errors by axis and by run beside what explains them."""
 
 from identify.reporting import Drawing
-from identify.results.held_out_result import HeldOut
-from identify.results.held_out_run import FORCE, MOMENT
+from identify.results.held_out_result import FORCE, MOMENT, HeldOut
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.report.drawing import drawing
