@@ -1,4 +1,4 @@
-"""What a run's own signals show: peaks and lines above the motion's band, the end of a sensor's range.
+"""Findings by a run's own signals: peaks and lines above the motion's band, the end of a sensor's range.
 
 A peak of force or moment is a mounting that rings, or a machine beside it. Broad ones, too: a resonance of damping ζ at
 f is 2 ζ f wide. A line in the residual moment (a resonance, mains hum, an imbalance) stands against coloured noise by

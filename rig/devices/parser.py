@@ -41,7 +41,9 @@ def turned(matrix: NDArray[np.float64], values: tuple[float, ...]) -> tuple[floa
 
 @dataclass
 class Counts:
-    """Counts of the bytes and frames that a parser has met. ``bytes = framed + skipped + pending`` always holds.
+    """Counts of the bytes and frames that a parser has met.
+
+    Bytes that are neither framed nor skipped wait for the rest of their frame.
 
     Attributes:
         bytes: all bytes fed.
@@ -110,11 +112,6 @@ class Parser(ABC):
             if length:
                 yield bytes(buffer[position : position + length])
             position += length or 1
-
-    @property
-    def pending(self) -> int:
-        """The number of bytes that wait for the rest of their frame."""
-        return len(self._buffer)
 
     def begin(self) -> None:
         """Restart the counts here; what was missing before does not count, device clocks go on."""

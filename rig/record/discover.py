@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from serial.tools import list_ports
 from rig.devices import create_device, device_class, kinds
 from rig.devices.conversation import Identity, NoAnswerError
 from rig.exceptions import RigError
-from rig.record.port import Port, PortLostError, converse, on_network, open_port
+from rig.record.port import PortLostError, converse, on_network, open_port
 
 BY_ID = Path("/dev/serial/by-id")
 
@@ -59,13 +60,10 @@ def _ask(name: str, description: str) -> DiscoveredPort:
 
 def _identify(name: str, kind: str) -> Identity:
     device = create_device(kind)
-    port: Port = open_port(name, device.BAUDRATE, device.NUMBER)
-    try:
+    with closing(open_port(name, device.BAUDRATE, device.NUMBER)) as port:
         identity = converse(device.start(), port)
         port.write(device.stop())
-        return identity
-    finally:
-        port.close()
+    return identity
 
 
 def table(discovered: Sequence[DiscoveredPort]) -> list[str]:

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections import deque
+from contextlib import closing, suppress
 from typing import NamedTuple
 
 from rig.devices.conversation import Identity, NoAnswerError
@@ -101,9 +102,5 @@ class Reader(threading.Thread):
         return None
 
     def _stop_device(self, port: Port) -> None:
-        try:
+        with closing(port), suppress(PortLostError):
             port.write(self.entry.device.stop())
-        except PortLostError:
-            pass
-        finally:
-            port.close()

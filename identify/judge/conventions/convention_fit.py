@@ -82,6 +82,13 @@ class ConventionFit:
         values, spread = self.values[..., unknowns], self.covariance[..., unknowns, unknowns]
         return np.asarray(np.sqrt((values * np.linalg.solve(spread, values[..., None])[..., 0]).sum(axis=-1)))
 
+    @property
+    def trace(self) -> tuple[float, float]:
+        """Trace of the tensor in a fit of the moment, and its standard uncertainty [kg·m²]."""
+        moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
+        variance = float(self.covariance[np.ix_(moments, moments)].sum())
+        return float(self.values[moments].sum()), float(np.sqrt(max(variance, 0.0)))
+
 
 def _normal_equations(sums: ConventionSums, terms: Terms, answer: slice) -> tuple[np.ndarray, np.ndarray]:
     """Normal matrix (p, p) and right side (p,) of fitting ``answer`` by ``terms``, as means over the instants."""

@@ -4,6 +4,7 @@ A grid of all rotations is tried on the sums of a run for each handedness, and N
 One that is no order of the axes is named in words, with its cure.
 """
 
+import functools
 from dataclasses import dataclass
 from itertools import product
 
@@ -101,8 +102,8 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
     """
     scored = []
     for reverse in REVERSED:
-        fits = chi_square(reverse.applied(sums).turned(imu=GRID), given).tolist()
-        scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, GRID, strict=True)]
+        fits = chi_square(reverse.applied(sums).turned(imu=grid()), given).tolist()
+        scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, grid(), strict=True)]
     scored.sort(key=lambda item: item[0])
     polished = [
         (nearest_minimum(reverse.applied(sums), given, matrix), reverse) for _, matrix, reverse in scored[:STARTS]
@@ -121,14 +122,13 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
     return FreeRotation(matrix=matrix, reversed=reverse, covariance=covariance, given=narrow, gain=gain)
 
 
-def _grid() -> Float[np.ndarray, "n 3 3"]:
-    """The 24 right-handed orders of the axes, and each turned about its faces' and corners' axes."""
+@functools.cache
+def grid() -> Float[np.ndarray, "n 3 3"]:
+    """Return the 24 right-handed orders of the axes, and each turned about its faces' and corners' axes."""
     axes = [*np.eye(3), *-np.eye(3), *(np.array(signs) / np.sqrt(3) for signs in product((1.0, -1.0), repeat=3))]
     around = [np.eye(3), *(exponential(BETWEEN * axis) for axis in axes)]
     return np.array([turn @ matrix for matrix in signed_axes() if np.linalg.det(matrix) > 0 for turn in around])
 
-
-GRID = _grid()
 
 LEAST_TURN = np.radians(0.5)
 """Smallest turn that is named [rad].

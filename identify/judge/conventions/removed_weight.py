@@ -8,17 +8,14 @@ import numpy as np
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import (
     ACCELERATION,
-    COLUMNS,
     COUNTERWEIGHT_AT,
     FORCE_TERMS,
-    INERTIA_AT,
     LEVER,
     MOMENT_TERMS,
     MOMENT_TERMS_WITH_WEIGHT,
     NOT_RIGID,
     OFFSET,
     OFFSET_AT,
-    ROWS,
     WEIGHT,
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums, DeclaredRig
@@ -90,17 +87,10 @@ class ApparentMass:
     missing: bool = False
     """Whether the force lacks the body's weight for certain."""
 
-    def density(self, sums: ConventionSums) -> float:
-        """Mass over the cube of twice the gyration radius [kg/m³], with the least tensor that the moments allow."""
-        trace = _least_trace(sums)
-        if trace <= 0:
-            return np.inf
-        mass = self.mass + self.uncertainty
-        return float(mass / (2 * np.sqrt(trace / (2 * mass))) ** 3)
 
-    def too_light(self, sums: ConventionSums) -> bool:
-        """Whether a body of this mass and this tensor would be lighter than air."""
-        return bool(self.density(sums) < AIR)
+def density(mass: float, trace: float) -> float:
+    """Return mass over the cube of twice the gyration radius ρ, ρ² = tr I / 2 m [kg/m³]; NaN of no positive trace."""
+    return float(mass / (2 * np.sqrt(trace / (2 * mass))) ** 3) if trace > 0 else np.nan
 
 
 class MassByMotion(NamedTuple):
@@ -148,7 +138,7 @@ def apparent_mass(sums: ConventionSums, declared: float | None) -> ApparentMass:
         return ApparentMass(np.inf, 0.0)
     mass, uncertainty = force / gravity, 4 * (sums.noise[0] / 4 + ZERO * force) / gravity
     if declared is None:
-        light = ApparentMass(mass, uncertainty).too_light(sums)
+        light = density(mass + uncertainty, _least_trace(sums)) < AIR
     else:
         light = mass + uncertainty < LEAST_WEIGHT * declared
     return ApparentMass(mass, uncertainty, light and not _follows_gravity(sums, mass))
@@ -212,6 +202,5 @@ def _least_trace(sums: ConventionSums) -> float:
     heaviest = (sums.size(FORCE) + 4 * sums.noise[0]) / max(sums.size(SPECIFIC), 1.0)
     priors = np.concatenate([[LARGEST_LEVER] * 3, [np.inf] * 9, [LARGEST_LEVER * heaviest] * 3])
     fit = convention_fit.solve(best, MOMENT_TERMS_WITH_WEIGHT, MOMENT, variance=min(variances), priors=priors)
-    moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
-    spread = np.sqrt(max(float(fit.covariance[np.ix_(moments, moments)].sum()), 0.0))
-    return abs(float(fit.values[moments].sum())) - CERTAIN * spread
+    trace, spread = fit.trace
+    return abs(trace) - CERTAIN * spread

@@ -14,17 +14,14 @@ import numpy as np
 
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import (
-    COLUMNS,
     FORCE_TERMS,
-    INERTIA_AT,
     MASS_AT,
     MOMENT_TERMS,
-    ROWS,
     CentreFit,
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, DeclaredRig, Matrix, Vector
 from identify.judge.conventions.conventions import DECISIVE, EQUAL, Scales
-from identify.judge.conventions.removed_weight import AIR, CERTAIN
+from identify.judge.conventions.removed_weight import AIR, CERTAIN, density
 
 POUND_FORCE, KILOGRAM_FORCE, INCH, FOOT = 4.4482216152605, 9.80665, 0.0254, 0.3048
 SYSTEMS = {
@@ -150,10 +147,7 @@ class BodyByWrench:
     @cached_property
     def _trace(self) -> tuple[float, float]:
         """The tensor's trace, and its standard uncertainty."""
-        fit = convention_fit.solve(self.sums, MOMENT_TERMS, MOMENT, variance=self.given.moment)
-        moments = np.arange(INERTIA_AT.start, INERTIA_AT.stop)[ROWS == COLUMNS]
-        spread = float(fit.covariance[np.ix_(moments, moments)].sum())
-        return float(fit.values[moments].sum()), float(np.sqrt(max(spread, 0.0)))
+        return convention_fit.solve(self.sums, MOMENT_TERMS, MOMENT, variance=self.given.moment).trace
 
     def misfit(self, reading: UnitReading, declared: DeclaredRig) -> float:
         """Chi-square of what is declared against the body in other units; infinite where no body is so."""
@@ -182,12 +176,7 @@ class BodyByWrench:
         """Whether no body has this mass with these moments."""
         trace, spread = self._trace
         smallest, largest = (reading.moment_factor * (trace + sign * CERTAIN * spread) for sign in (-1, 1))
-        return bool(_density(mass, smallest) < AIR or _density(mass, largest) > HEAVIEST)
-
-
-def _density(mass: float, trace: float) -> float:
-    """Mass over the cube of twice the gyration radius ρ, ρ² = tr I / 2 m [kg/m³]; NaN of no positive trace."""
-    return float(mass / (2 * np.sqrt(trace / (2 * mass))) ** 3) if trace > 0 else np.nan
+        return bool(density(mass, smallest) < AIR or density(mass, largest) > HEAVIEST)
 
 
 def other_units(body: BodyByWrench, declared: DeclaredRig) -> list[UnitReading]:
