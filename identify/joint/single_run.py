@@ -80,29 +80,22 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     Raises:
         RunError: the run is too short, it has no solution, or its delay is beyond what it leaves room for.
     """
-    model, beforehand, gyro_noise = prepare(run, setting)
-    _check_excitation(run, model, setting, gyro_noise)
-    noise, start = _raw_noise(run, model, beforehand) / model.rows.factor, search_start(model, beforehand, setting)
+    alignment, kind = setting.alignment, setting.specific_force
+    reach = abs(alignment.delay) + REACH * alignment.sigma_delay
+    rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
+    sigma = gyro_noise(run)
+    model, beforehand = prepared(rows, sigma / np.sqrt(run.rate), run.imu_position, setting)
+    _check_excitation(run, model, setting, sigma)
+    noise = _raw_noise(run, model, beforehand) / model.rows.factor
     try:
-        first = solve(model, beforehand, whitener(noise), start, ROUGH)
+        first = solve(model, beforehand, whitener(noise), search_start(model, beforehand, setting), ROUGH)
         _check(run.name, model, beforehand, first)
         noise = residual_noise(first, beforehand, model)
         fit = solve(model, beforehand, whitener(noise), first.z)
         _check(run.name, model, beforehand, fit)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
-    return JointRun(
-        run=run, model=model, prior=beforehand, fit=fit, noise=noise * model.rows.factor, gyro_noise=gyro_noise
-    )
-
-
-def prepare(run: Run, setting: Setting) -> tuple[Model, Prior, np.ndarray]:
-    """Return the run's model, the prior of its unknowns, and its gyro's noise [rad/s]."""
-    alignment, kind = setting.alignment, setting.specific_force
-    reach = abs(alignment.delay) + REACH * alignment.sigma_delay
-    rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
-    gyro = gyro_noise(run)
-    return *prepared(rows, gyro / np.sqrt(run.rate), run.imu_position, setting), gyro
+    return JointRun(run=run, model=model, prior=beforehand, fit=fit, noise=noise * rows.factor, gyro_noise=sigma)
 
 
 def gyro_noise(run: Run) -> np.ndarray:
