@@ -13,7 +13,7 @@ from itertools import takewhile
 FIGURE = re.compile(r"|–|[+−-]?[\d.,]+(e[+−-]?\d+)?( ± [\d.]+(e−\d+)?|\([\d.]+\))?|−?∞")
 
 WIDEST = 199
-"""Columns of a table that goes to no terminal: an editor or a log shows as many."""
+"""Columns of what goes to no terminal: an editor or a log shows as many."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,6 +66,13 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int | 
         return "\n".join(text for row in rows for text in _one_a_line(head, row, len(labels), limit))
     ruled = [lines[0], ["─" * width for width in widths], *lines[1:]]
     return "\n\n".join("\n".join(draw(line, columns) for line in ruled) for columns in tables)
+
+
+def in_lines(text: str) -> str:
+    """Return a text with its lines of more than ``WIDEST`` columns, or of the terminal's if it is wider, broken."""
+    width = max(terminal_width() or 0, WIDEST)
+    breaks = textwrap.TextWrapper(width, subsequent_indent="    ", break_on_hyphens=False)
+    return "\n".join(breaks.fill(line) if len(line) > width else line for line in text.split("\n"))
 
 
 def terminal_width() -> int | None:

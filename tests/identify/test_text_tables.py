@@ -2,7 +2,7 @@
 
 import pytest
 
-from identify.text_tables import Table, text_table
+from identify.text_tables import Table, in_lines, text_table
 
 HEAD = ("run", "unit", "I11", "I12", "I22")
 ROWS = (("T1", "g·m²", "−1.17 ± 0.91", "0.41 ± 0.57", "7.7"), ("T2", "g·m²", "1.00 ± 0.50", "–", "12.25"))
@@ -44,6 +44,15 @@ def test_text_is_broken_between_words():
         "    cell is turned",
         "    against the body",
     ]
+
+
+def test_a_long_line_is_broken_between_words_and_short_ones_stay():
+    text = "  table  1\n\n" + "  suspicious /imu: " + 'set force_unit = "lbf" in [recording], ' * 9
+    first, second, *broken = in_lines(text).split("\n")
+    assert [first, second] == ["  table  1", ""]
+    assert len(broken) > 1
+    assert max(map(len, broken)) < 200
+    assert " ".join(map(str.strip, broken)) == text.split("\n")[2].strip()
 
 
 def test_columns_of_the_environment_count(monkeypatch):

@@ -26,13 +26,14 @@ def configure(parser: CommandParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Inspect every run; 1 when something is suspicious."""
+    from identify.text_tables import in_lines
     from uq.inspection.inspect_run import inspect_run
 
     suspicious = False
     experiment = None if arguments.experiment is None else _load(arguments.experiment)
     for path in arguments.run:
         report = inspect_run(path, experiment)
-        print(json.dumps(report.to_dict()) if arguments.json else report)
+        print(json.dumps(report.to_dict()) if arguments.json else in_lines(str(report)))
         suspicious = suspicious or bool(report.findings)
         if experiment is None and not arguments.json and not any(channel.type == IMU for channel in report.channels):
             print(NOT_COMPARED)

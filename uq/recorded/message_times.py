@@ -74,13 +74,11 @@ def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np
     if min(map(len, times)) < 2 or _overlap(*times):  # a single sample is refused as such
         return
     kind = "stamps" if times[0] is channels[0].stamp else "log times"
-    ranges = [
-        f"the {kind} of {channel.topic} run from {_readable(int(t[0]))} to {_readable(int(t[-1]))}"
-        for channel, t in zip(channels, times, strict=True)
-    ]
+    wrench, motion = (f"from {_readable(int(t[0]))} to {_readable(int(t[-1]))}" for t in times)
+    ranges = f"the {kind} of {channels[0].topic} run {wrench}, those of {channels[1].topic} {motion}"
     logged = kind == "stamps" and _overlap(channels[0].log_time, channels[1].log_time)
     cure = 'set time = "log" in [recording]' if logged else "record both at the same time"
-    raise RunError(f"no overlap in {name}: {', '.join(ranges)}: {cure}")
+    raise RunError(f"no overlap in {name}: {ranges}: {cure}")
 
 
 def _overlap(first: np.ndarray, second: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 
 import jax
 
+from identify.text_tables import in_lines
 from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
 from uq.files.mistakes import ExperimentError
@@ -106,7 +107,7 @@ def keep(out: Path | None, result: Any, *more: Any) -> None:
 
 def show(out: Path | None, result: Any, *more: Any) -> None:
     """Print results, and where their files are."""
-    print(*(result, *more), sep="\n\n")
+    print(*(in_lines(str(part)) for part in (result, *more)), sep="\n\n")
     if out is not None:
         name = getattr(result, "file_name", "result.json")
         print(f"\n{on_one_line(f'{name}, report.html and figures are in {out}')}")
