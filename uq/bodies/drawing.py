@@ -12,7 +12,7 @@ from identify.rigid_body.solids import Part, Solid, composite, cuboid, cylinder,
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.files.mistakes import ExperimentError
-from uq.files.rotation_key import ROTATION
+from uq.files.schema import ROTATION
 from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 
 Values = Mapping[str, Any]

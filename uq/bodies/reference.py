@@ -38,8 +38,7 @@ from uq.bodies.drawing import (
 from uq.bodies.exported_body import principal_axes
 from uq.files.document import in_file, read_document
 from uq.files.mistakes import ExperimentError
-from uq.files.rotation_key import ROTATION
-from uq.files.schema import declared_table
+from uq.files.schema import ROTATION, declared_table
 from uq.sources.distributions import Distribution
 from uq.sources.tolerances import UncertainQuantity, mean, uncertain, uncertain_vector
 

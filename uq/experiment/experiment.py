@@ -33,8 +33,7 @@ from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import refuse_claims
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.experiment.undeclared_table import NONE, UndeclaredTable
-from uq.files.changed_document import with_entry, with_table
-from uq.files.document import in_file, read_document
+from uq.files.document import in_file, read_document, with_entry, with_keys
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import plain_values
 from uq.files.schema import declared_table
@@ -277,7 +276,7 @@ class Experiment(Shown):
         Raises:
             ExperimentError: as for :meth:`with_source`.
         """
-        return self._read_anew(with_table(self.document, "body", keys))
+        return self._read_anew({**self.document, "body": with_keys(self.document.get("body", {}), keys)})
 
     def with_trajectory(self, name: str, **keys: Any) -> "Experiment":
         """Return the experiment with other keys of a ``[trajectory.NAME]``, or with a new one (``kind`` and the rest).

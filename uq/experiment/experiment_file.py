@@ -16,8 +16,7 @@ from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import ReportTable
 from uq.experiment.trajectory_table import HarmonicTable, MultisineTable, SphereTable
 from uq.experiment.undeclared_table import UndeclaredTable
-from uq.files.rotation_key import ROTATION
-from uq.files.schema import Axes, Component, in_unit, vector
+from uq.files.schema import ROTATION, Axes, Component, in_unit, vector
 from uq.sources.correlations import LinkTable
 from uq.sources.source_table import WrittenSource, read_source
 

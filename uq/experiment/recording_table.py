@@ -18,8 +18,7 @@ from identify.rigid_body.rotation import signed_order
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
 from uq.experiment.platform_table import STANDARD_GRAVITY
-from uq.files.rotation_key import ROTATION
-from uq.files.schema import Axes, in_unit, matrix, vector
+from uq.files.schema import ROTATION, Axes, in_unit, matrix, vector
 from uq.files.units import scale
 
 UNITS = {"force": "N", "moment": "N*m", "angular_velocity": "rad/s", "acceleration": "m/s^2"}

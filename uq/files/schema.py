@@ -1,4 +1,4 @@
-"""Annotations for the keys of an experiment file: values with their units, matrices; and how declared tables are read.
+"""Annotations for keys of an experiment file: values with units, rotations, matrices; and how tables are read.
 
 A key is a field of a :class:`rig.toml_tables.TomlTable`::
 
@@ -8,11 +8,13 @@ A key is a field of a :class:`rig.toml_tables.TomlTable`::
 """
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
 
+from identify.rigid_body.rotation import from_axes, from_quaternion, nearest_rotation
 from rig.exceptions import quoted
 from rig.toml_tables import TomlError, TomlTable, read_table, read_value, written
 from uq.files.mistakes import ExperimentError
@@ -128,3 +130,46 @@ def declared_table(where: str, raw: object, table: type[Table]) -> Table:
         return read_table(where, raw, table)
     except TomlError as error:
         raise ExperimentError(str(error)) from None
+
+
+class QuaternionTable(TomlTable, frozen=True, kw_only=True):
+    """A rotation as a unit quaternion."""
+
+    w: float
+    x: float
+    y: float
+    z: float
+
+
+def read_rotation(path: str, raw: Any) -> np.ndarray:
+    """Return a rotation matrix from ``"x, -z, y"``, ``{w, x, y, z}`` or three rows of three numbers.
+
+    Raises:
+        ValueError: it is no rotation.
+    """
+    if isinstance(raw, str):
+        return from_axes(raw)
+    if isinstance(raw, Mapping):
+        quaternion = read_table(path, raw, QuaternionTable)
+        return from_quaternion(quaternion.w, quaternion.x, quaternion.y, quaternion.z)
+    return nearest_rotation(finite(raw, (3, 3)))
+
+
+SIGNED_AXES = r"^\s*[+-]?\s*[xyzXYZ]\s*(,\s*[+-]?\s*[xyzXYZ]\s*){2}$"
+ROTATION = written(
+    read_rotation,
+    {
+        "title": "rotation",
+        "anyOf": [
+            {"type": "string", "pattern": SIGNED_AXES, "examples": ["-y, z, x"]},
+            {
+                "type": "object",
+                "properties": {component: {"type": "number"} for component in "wxyz"},
+                "required": list("wxyz"),
+                "additionalProperties": False,
+            },
+            matrix_schema(3, 3),
+        ],
+    },
+)
+"""The annotation of a rotation matrix that is written in one of these ways."""

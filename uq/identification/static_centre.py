@@ -1,4 +1,7 @@
-"""Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``."""
+"""Static poses to mass, centre of gravity and offsets: the function behind ``inertia centre``.
+
+Findings name other ways to read a table's attitudes than that declared, with the keys that declare each.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

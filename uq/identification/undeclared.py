@@ -1,4 +1,4 @@
-"""Effects on a result of errors that are neither declared nor estimated, at typical figures: its second interval.
+"""Effects of errors that are neither declared nor estimated, at typical figures: second intervals of runs and poses.
 
 By the derivatives of the estimate that was made: of least squares those of type B
 (:mod:`uq.identification.systematic_errors`), of the joint estimate and for the mounting's flexibility those of

@@ -1,4 +1,7 @@
-"""The second process's work: reads a growing recording and says, block by block, what the run tells of the tensor."""
+"""The second process's work: reads a growing recording and says, block by block, what the run tells of the tensor.
+
+Before a recording it checks that the experiment fits the rig: the channels that it needs, and their meaning.
+"""
 
 from pathlib import Path
 from typing import Any

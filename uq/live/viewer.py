@@ -2,6 +2,10 @@
 
 Messages are passed on as they were written, so that every topic shows in its own type; the estimate is a JSON topic. A
 viewer that is slow or absent loses messages and holds up nobody.
+
+The server checks neither host nor origin: a gate before it lets only this machine's programs and pages pass. A page
+from anywhere, shown by a browser on this machine, may open a WebSocket to it. The browser says by ``Origin`` whose page
+that is, and by ``Host`` which name it has looked up: perhaps a stranger's that leads here (DNS rebinding).
 """
 
 import contextlib

@@ -2,6 +2,8 @@
 
 Every source becomes an IMU's channel in its sensor's own frame; a pose or a joint's position is differentiated here.
 Joints tell the specific force, too, where gravity in their base is declared, and so do poses whose origin travels.
+
+The attitude, too, is what a recording tells of it: joints with a description, poses, or an IMU's quaternion.
 """
 
 from collections.abc import Callable

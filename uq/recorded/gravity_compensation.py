@@ -60,18 +60,16 @@ def _check_level(run: Run, rests: Sequence[Segment], experiment: Experiment) -> 
             f"{run.name} has neither accelerometer nor two seconds of level rest before the motion: the weight removed "
             "from the force cannot be put back without"
         )
-    tilt = np.linalg.norm(rest.moment - np.cross(experiment.stated_r_cg, rest.force)) / _arm(experiment)
+    r_cg = experiment.stated_r_cg
+    # the moment of the weight at right angles to r_CG [N·m]
+    weight_moment = max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(r_cg)), 1e-9)
+    tilt = np.linalg.norm(rest.moment - np.cross(r_cg, rest.force)) / weight_moment
     if tilt > LEVEL:
         raise RunError(
             f"the moment at rest before the motion in {run.name} is that of a body tilted by "
             f"{significant(np.rad2deg(tilt), 2)} deg, or an offset: the "
             "weight removed from the force cannot be put back without an accelerometer"
         )
-
-
-def _arm(experiment: Experiment) -> float:
-    """The moment of the weight at right angles to r_CG [N·m]."""
-    return max((experiment.mass or 0.0) * experiment.gravity * float(np.linalg.norm(experiment.stated_r_cg)), 1e-9)
 
 
 def _mass(run: Run, experiment: Experiment, why: str) -> float:

@@ -1,4 +1,7 @@
-"""Recorded runs: from MCAP files and an experiment file to the tensor."""
+"""Recorded runs: from MCAP files and an experiment file to the tensor.
+
+What a recording states of its instruments and its day comes along, for a report that has none of its own.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

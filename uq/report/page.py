@@ -1,4 +1,8 @@
-"""A report's page: sections of results laid out as one HTML file that loads nothing from elsewhere."""
+"""A report's page: sections of results laid out as one HTML file that loads nothing from elsewhere.
+
+Its figures are SVG whose texts are the page's and whose colours follow the reader's scheme. A figure's file stays as
+matplotlib draws it; the page holds a smaller form, in which a name is found and copied.
+"""
 
 import json
 import re

@@ -30,7 +30,7 @@ VIEWS = {
     "uq.propagation.law_validation.LawValidation": f"{TABLES}.law_validation",
     "uq.propagation.propagation_of_distributions.Propagation": f"{TABLES}.measurands:propagation",
     "uq.recorded.still_noise.StillNoise": f"{TABLES}.measurands:noise",
-    "uq.sensitivity.budget_result.BudgetResult": f"{TABLES}.budget",
+    "uq.sensitivity.budget_shares.BudgetResult": f"{TABLES}.budget",
     "uq.sensitivity.budget_shares.SourceBudget": f"{TABLES}.budget:pair",
     "uq.sensitivity.sobol_shapley.Sensitivity": f"{TABLES}.measurands:sensitivity",
     "uq.tracking.achieved_motion.Achieved": f"{TABLES}.achieved",

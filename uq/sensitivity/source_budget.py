@@ -22,8 +22,7 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.gram_sums.cases import Case
 from uq.progress_bar import Progress, progress_of
-from uq.sensitivity.budget_result import BudgetResult
-from uq.sensitivity.budget_shares import FEWEST_PAIRS, Effects, MeanSquare, SourceBudget
+from uq.sensitivity.budget_shares import FEWEST_PAIRS, BudgetResult, Effects, MeanSquare, SourceBudget
 from uq.sensitivity.effects import ChoiceDesign, PairEffects
 from uq.sensitivity.variance_shares import closure, mean, plain_variance
 from uq.sources.draws import Mixing

@@ -15,8 +15,7 @@ import numpy as np
 from rig.exceptions import RigError, listed, quoted
 from rig.read_limits import require_file
 from rig.toml_tables import Name, TomlError, TomlTable, WrongKeyError, read_table, read_value
-from uq.files.changed_document import with_keys
-from uq.files.document import read_document
+from uq.files.document import read_document, with_keys
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import matrix
 from uq.files.units import UnitError, scale

@@ -3,6 +3,8 @@
 How the angular velocity follows the plan is in :mod:`uq.tracking.followed`. The centre of gravity's acceleration is the
 specific force there less gravity, turned along by the gyro. The prediction is the law of propagation with the measured
 motion in place of the plan.
+
+What the platform really ran is a trajectory: the gyro's angular velocity, low-passed, by splines.
 """
 
 import dataclasses

@@ -3,6 +3,9 @@
 Each kind of error says what stands for it in sums beside the sources that act with it, or why there is nothing
 (:meth:`uq.sources.source.ErrorKind.in_sums`). A case in which nothing is drawn is the same in every trial: where it
 needs samples, these are visited once.
+
+Sums have limits: a trial on sums leaves out the noise's third powers, and takes what it draws as normal
+(:mod:`uq.trials.sums_engine`). Noise of the gyro may be too large for that, or the trials too skewed.
 """
 
 from collections.abc import Sequence

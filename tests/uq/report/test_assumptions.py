@@ -11,7 +11,7 @@ from uq.experiment.experiment import Experiment
 from uq.planning.measurement_plan import plan_measurement
 from uq.propagation.law_result import LawResult
 from uq.report.assumptions import source_assumptions
-from uq.sensitivity.budget_result import BudgetResult
+from uq.sensitivity.budget_shares import BudgetResult
 from uq.sources.distributions import Empirical, Rectangular, StudentT
 from uq.sources.draws import Mixing
 from uq.sources.kinds.scale import Scale

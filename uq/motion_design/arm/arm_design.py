@@ -1,4 +1,7 @@
-"""The best joint motion of an arm: designed, beside a D-optimal one and what common practice reaches."""
+"""The best joint motion of an arm: designed, beside a D-optimal one and what common practice reaches.
+
+Common practice under the same limits in the same time: one joint at a time, random Fourier series.
+"""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,8 @@
-"""The report of an arm's design: predicted uncertainty beside common practice, limits, simulation, files."""
+"""The report of an arm's design: predicted uncertainty beside common practice, limits, simulation, files.
+
+The files: the joint motion, each read back and compared with it, and ``identify.toml``, the experiment that identifies
+the payload from a recording of the motion.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

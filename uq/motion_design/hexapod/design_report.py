@@ -111,8 +111,7 @@ class DesignReport(MotionReport):
             "trajectories": {
                 name: {
                     "band_Hz": self.bands[name],
-                    "groups": {group: s.to_dict() for group, s in breakdown.groups.items()},
-                    "sources": {source: s.to_dict() for source, s in breakdown.sources.items()},
+                    **breakdown.to_dict(),
                     **{
                         key: {goal: GRAM_METRE * x for goal, x in self.averages(name, objective).items()}
                         for key, objective in (("average_three_sigma", "3sigma"), ("average_three_rms", "rms"))

@@ -1,4 +1,7 @@
-"""The search for the best motion: amplitudes of one kind of motion under all limits, from several starts."""
+"""The search for the best motion: amplitudes of one kind of motion under all limits, from several starts.
+
+In stages it starts from the legs' optimal patterns, each driven by one wave.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -49,12 +52,14 @@ def searches(
     generators = [np.random.default_rng([seed, number]) for number in range(starts)]
     search = partial(Search, experiment=experiment, reference=reference, limits=limits, measure=measure)
     patterns = patterns_for(experiment, reference, limits, measure)
-    stages = staged(experiment, limits, patterns, GRID, duration, RAMP / band)
+    periodic_of = partial(Periodic.of, experiment.platform, limits, band=band, rate=GRID * band)
+    of_stages = periodic_of(period=harmonics(experiment, limits) / band)
+    stages = Stages.of(of_stages, patterns.share, duration, RAMP / band)
     holds_stages = np.diff(stages.border).min() >= 4 * stages.periodic.period
     if holds_stages:
         yield search(stages=stages), {0: patterned(stages, patterns, generators[0])}
     if starts > 1 or not holds_stages:
-        periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=GRID * band)
+        periodic = periodic_of(period=period)
         whole_run = Stages.of(periodic, np.ones(1), duration, RAMP / band)
         numbers = range(1 if holds_stages else 0, starts)
         first = {number: start(periodic, experiment.r_cg_from_omb, generators[number], number) for number in numbers}
@@ -156,25 +161,6 @@ def harmonics(experiment: Experiment, limits: Limits) -> int:
     stroke = np.abs(limits.length - home[:, None]).min(axis=1)
     lowest = np.maximum(limits.acceleration / limits.speed, np.sqrt(limits.acceleration / stroke)).max() / (2 * np.pi)
     return max(1, int(limits.bandwidth / lowest)) if np.isfinite(lowest) and lowest > 0 else UNKNOWN
-
-
-def staged(
-    experiment: Experiment, limits: Limits, patterns: Mixture, grid: int, duration: float, ramp: float
-) -> Stages:
-    """Return the stages that run through some patterns.
-
-    Args:
-        experiment: with the platform.
-        limits: in figures.
-        patterns: one for each stage, and their shares.
-        grid: instants in a period of the highest frequency.
-        duration: of the run [s].
-        ramp: time to start and to stop each stage [s].
-    """
-    band = limits.bandwidth
-    period = harmonics(experiment, limits) / band
-    periodic = Periodic.of(experiment.platform, limits, period=period, band=band, rate=grid * band)
-    return Stages.of(periodic, patterns.share, duration, ramp)
 
 
 def patterned(stages: Stages, patterns: Mixture, generator: np.random.Generator) -> Float[np.ndarray, " u"]:

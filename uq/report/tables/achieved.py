@@ -32,7 +32,7 @@ def notes(result: Achieved) -> list[str]:
 
 def drawings(result: Achieved) -> list[Drawing]:
     """Return planned and measured angular velocity over some seconds."""
-    return [drawing("followed", "Some seconds from the middle of the motion.", "achieved.followed", *result.trace)]
+    return [drawing("followed", "Some seconds from the middle of the motion.", "recordings.followed", *result.trace)]
 
 
 def section(result: Achieved) -> Section:

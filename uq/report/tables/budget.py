@@ -10,8 +10,7 @@ from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
 from uq.report.input_tables import source_tables
 from uq.report.tables.cases import case_table, grams, rows_of
-from uq.sensitivity.budget_result import BudgetResult
-from uq.sensitivity.budget_shares import FEW_PAIRS, TENSOR, Effects, SourceBudget
+from uq.sensitivity.budget_shares import FEW_PAIRS, TENSOR, BudgetResult, Effects, SourceBudget
 
 SMALL = 5e-4
 """Share of the tensor's variance below which sources are counted together; budget.csv holds all."""

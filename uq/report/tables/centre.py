@@ -89,7 +89,7 @@ def _gap(centre: Centre) -> list[str]:
 
 def drawings(centre: Centre) -> list[Drawing]:
     """Return the figure of the residuals."""
-    return [drawing("residuals", "What each pose leaves unexplained.", "centre.pose_residuals", centre.residuals)]
+    return [drawing("residuals", "What each pose leaves unexplained.", "recordings.pose_residuals", centre.residuals)]
 
 
 def section(centre: Centre) -> Section:

@@ -163,7 +163,7 @@ def noise_notes(result: StillNoise) -> list[str]:
 
 def noise_drawings(result: StillNoise) -> list[Drawing]:
     """Return the Allan deviations with their fit."""
-    return [drawing("allan", ALLAN, "noise.allan_deviations", result.channels)]
+    return [drawing("allan", ALLAN, "recordings.allan_deviations", result.channels)]
 
 
 MOST_LINES = 3
