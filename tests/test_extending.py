@@ -87,6 +87,17 @@ def test_an_extension_that_cannot_be_used_is_named_in_one_line(name, words, tmp_
     assert len(line) < 200
 
 
+def test_two_methods_of_one_name_stop_no_recording(tmp_path, monkeypatch, capsys):
+    describe(tmp_path, "strange", {"inertia_uq.methods": {"gls": "there_is_no_such_module:Gls"}})
+    monkeypatch.syspath_prepend(tmp_path)
+    for command, words in (
+        ("record", "error: no output given"),
+        ("inspect", "error: strange and inertia-uq both name 'gls'"),
+    ):
+        assert main([command, str(tmp_path / "none.toml")]) == 2
+        assert capsys.readouterr().err.startswith(words)
+
+
 @pytest.mark.parametrize(("group", "room"), GROUPS.items())
 def test_every_file_of_ours_is_an_entry_point(group, room):
     modules = {module.name for module in pkgutil.iter_modules(importlib.import_module(room).__path__)} - NOT_NAMED

@@ -97,7 +97,9 @@ def _with_extensions(argv: list[str], interrupt: Interrupt | None) -> int:
     """Run one command; an extension that does not load, or whose name another one has, is one line and status 2."""
     named: dict[tuple[str, str], importlib.metadata.EntryPoint] = {}
     entries = importlib.metadata.entry_points()
-    for group in (group for group in entries.groups if group.startswith("inertia_uq.")):
+    records = argv[:1] == ["record"] and "--identify" not in argv  # nothing may stop a recording that does not need it
+    needed = "inertia_uq.devices" if records else "inertia_uq."
+    for group in (group for group in entries.groups if group.startswith(needed)):
         for entry in entries.select(group=group):
             other = named.setdefault((entry.group, entry.name), entry)
             if other.value != entry.value:
