@@ -147,10 +147,10 @@ def accelerometer_scale(run: PredictedWrench) -> np.ndarray:
     return _carried(run, -run.wrench[:, :3, None] * np.eye(3))
 
 
-def _gyro_axes(run: PredictedWrench) -> Made:
-    """A gyro that is turned against the accelerometer: without one it is the IMU that is turned."""
+def gyro_axes(run: PredictedWrench) -> Float[np.ndarray, "n 6 3"]:
+    """Return what a gyro turned by a radian against the accelerometer adds; without one it is the IMU that turns."""
     omega, alpha = -run.signals.spin, -cross_matrices(run.signals.alpha)
-    return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer"), np.full(3, 0.005)
+    return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer")
 
 
 def _gyro_late(run: PredictedWrench) -> Made:
@@ -207,9 +207,9 @@ def _mass(run: PredictedWrench) -> Made:
 
 UNKNOWNS = {
     Finding.DELAY: "delay", Finding.ROTATION: "rotation", Finding.MASS: "mass", Finding.CENTRE: "r_cg",
-    Finding.STILL_MISSED: "cg_from_still", Finding.GYRO_AXES: "gyro_axes",
+    Finding.STILL_MISSED: "cg_from_still",
 }  # fmt: skip
-"""Causes that are one unknown of the joint model, and the gyro's axes alone."""
+"""Causes that are one unknown of the joint model."""
 SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.DELAY: _unknown(("delay", 0.005)),
     Finding.ROTATION: _unknown(("rotation", 0.03)),
@@ -218,7 +218,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
     Finding.GYRO_SCALE: _unknown(("gyro_scale", 0.005)),
     Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
-    Finding.GYRO_AXES: _gyro_axes,
+    Finding.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, 0.005)),
     Finding.GYRO_LATE: _gyro_late,
     Finding.GYRO_G: _gyro_g,
     Finding.GAIN: _matrix(lambda i, j: i == j, 0.005),

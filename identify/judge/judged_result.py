@@ -129,7 +129,9 @@ def _of_run(
     if not fits:
         return saturated(run), np.zeros(6), []
     named: dict[Finding, FollowedCause] = {}
-    judgements = [followed(fit, _undeclared(problem, result)) for fit in fits]
+    turns = [error.axes for error in problem.errors.values() if error.unknown == "rotation"]
+    axes = np.hstack([np.zeros((3, 0)), *turns])
+    judgements = [followed(fit, _undeclared(problem, result), axes) for fit in fits]
     for judgement in judgements:
         for cause in judgement.causes:
             named.setdefault(cause.evidence.cause.finding, cause)
@@ -160,6 +162,8 @@ def _of_run(
             finding.verdict(run.name, axis=f"b{axis + 1}", share=share, text=text, changes=tuple(changes.tolist()))
         )
         total = total + shift
+    if result.method == "joint":  # the others count them by their source
+        total = np.linalg.norm([total, *(judgement.by_axes[4:] for judgement in judgements)], axis=0)
     if not named and not verdicts:
         apart = specification.difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
         if apart.chance < specification.CHANCE:
@@ -246,8 +250,6 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
     free = {"mass"} if problem.mass is None and problem.centre is None else set()
     if problem.cg_motion != "still":
         free.add("cg_from_still")
-    if any(error.unknown == "rotation" for error in problem.errors.values()):
-        free.add("gyro_axes")
     return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
 
 

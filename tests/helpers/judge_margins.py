@@ -64,9 +64,9 @@ def _of_imu(measured):
 def _of_residuals(measured):
     fits, bands = [], []
 
-    def watched(fit, free):
-        fits.append((fit, free))
-        return original(fit, free)
+    def watched(fit, *declared):
+        fits.append((fit, declared))
+        return original(fit, *declared)
 
     original = judged_result.followed
     judged_result.followed = watched
@@ -75,16 +75,16 @@ def _of_residuals(measured):
         result = identified(measured)
     finally:
         judged_result.followed, judged_result.resonance = original, resonance.resonance
-    fit, free = fits[-1]
+    fit, declared = fits[-1]
     base = Base(fit.residuals, fit.columns, fit.prior.counted)
     judged = [evidence(base, cause, fit.transformed(cause.columns * cause.size))
-              for cause in causes(fit.prediction, free=free)]  # fmt: skip
+              for cause in causes(fit.prediction, free=declared[0])]  # fmt: skip
     judged = [verdict for verdict in judged if verdict is not None]
     run, band = bands[-1]
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]
     return (
         max(verdict.logarithm for verdict in judged), min(verdict.chance for verdict in judged),
-        original(fit, free).unexplained, specification.difference(fit, result.standard_uncertainty).chance,
+        original(fit, *declared).unexplained, specification.difference(fit, result.standard_uncertainty).chance,
         max(resonance._peak(frequency, column, resonance.ABOVE * band)[1]
             for frequency, density in spectra for column in density.T),
     )  # fmt: skip
@@ -97,7 +97,7 @@ def _of_conventions(measured):
     scored = [float(conventions.chi_square(hypothesis.applied(sums), given)) + hypothesis.cost
               for hypothesis in conventions.hypotheses()]  # fmt: skip
     narrow = conventions.scales(sums, weight=True, terms=MOMENT_TERMS)
-    turn, chi_square = conventions.misalignment(sums, narrow)
+    turn, chi_square, _ = conventions.misalignment(sums, narrow)
     parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
     declared = wrench_findings.DeclaredRig(measured.mass, measured.r_cg, np.full(3, 1.5e-4))

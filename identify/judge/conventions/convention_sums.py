@@ -7,7 +7,7 @@ the same sums. NumPy only: ``inertia inspect`` starts without JAX.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -244,7 +244,7 @@ class DeclaredRig:
     which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
     ``units``: newtons and newton metres in the declared units of force and moment. ``rate_unit``: rad/s in that of the
     angular velocity. ``quaternion``: matrix from a quaternion to its recorded fields.
-    ``turn``: standard uncertainty of a small turn of the IMU that the estimate finds by itself [rad]: no news.
+    ``turn``: standard uncertainty of a small turn between IMU and load cell [rad].
     """
 
     mass: float | None = None
@@ -256,7 +256,7 @@ class DeclaredRig:
     wrench_rotation: Matrix | None = None
     imu_rotation: Matrix | None = None
     weighed: bool = True
-    turn: Vector | None = None
+    turn: Vector = field(default_factory=lambda: np.zeros(3))
     measured: bool = True
     units: tuple[float, float] = (1.0, 1.0)
     rate_unit: float = 1.0

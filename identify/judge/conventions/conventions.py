@@ -199,18 +199,18 @@ def nearest_minimum(sums: ConventionSums, given: Scales, matrix: np.ndarray) -> 
     return matrix
 
 
-def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], float]:
-    """The small rotation vector [rad] that turns the IMU's axes into the load cell's, and its chi-square (3 degrees).
+def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], float, Float[np.ndarray, "3 3"]]:
+    """Return the small rotation vector [rad] that turns the IMU's axes into the load cell's.
 
-    Zero where the sums do not determine it.
+    With its chi-square (3 degrees) and covariance; zero where the sums do not determine it.
     """
     turn = rotation_vectors(nearest_minimum(sums, given, np.eye(3))[None])[0]
     turned = sums.turned(imu=exponential(turn))
-    hessian = derivatives(turned, given)[1]
-    if np.linalg.eigvalsh(hessian)[0] <= 0 or np.linalg.norm(turn) >= LARGEST_SMALL_TURN:
-        return np.zeros(3), 0.0
+    covariance = 2 * np.linalg.pinv(derivatives(turned, given)[1], hermitian=True)
+    if np.linalg.eigvalsh(covariance)[0] <= 0 or np.linalg.norm(turn) >= LARGEST_SMALL_TURN:
+        return np.zeros(3), 0.0, covariance
     gain = float(chi_square(sums, given, admissible=False) - chi_square(turned, given, admissible=False))
-    return turn, min(gain, float(turn @ hessian @ turn) / 2)
+    return turn, min(gain, float(turn @ np.linalg.solve(covariance, turn))), covariance
 
 
 def derivatives(

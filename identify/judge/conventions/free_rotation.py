@@ -215,9 +215,9 @@ def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradic
     return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
 
 
-def small_turn_text(turn: Vector, hessian: Matrix) -> str:
-    """Return a small rotation vector [rad] with its 95 % uncertainties, from the Hessian of chi-square there."""
-    u = COVERAGE * np.sqrt(np.diag(2 * np.linalg.pinv(hessian, hermitian=True)).clip(0))
+def small_turn_text(turn: Vector, covariance: Matrix) -> str:
+    """Return a small rotation vector [rad] with its 95 % uncertainties, from its covariance."""
+    u = COVERAGE * np.sqrt(np.diag(covariance))
     parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
     return f"({parts}) deg about x, y, z"
 

@@ -29,7 +29,6 @@ from identify.judge.conventions.conventions import (
     Hypothesis,
     Scales,
     best_axes,
-    derivatives,
     misalignment,
     scales,
 )
@@ -263,14 +262,15 @@ class _Examination:
     # Small turns, and the moment's point
 
     def _turned(self, given: Scales) -> Iterator[Contradiction]:
-        turn, chi_square = misalignment(self.sums, given)
+        turn, chi_square, covariance = misalignment(self.sums, given)
         if chi_square > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
             before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
             sensor, cure = self._rotation_cure(before, exponential(turn).T)
-            vector = small_turn_text(turn, derivatives(self.sums, given)[1])
             if sensor == "wrench":
                 self.sums = before.turned(wrench=exponential(turn).T)
-            if self.declared.turn is None or (np.abs(turn) > 3 * self.declared.turn).any():
+            both = covariance + np.diag(self.declared.turn**2)
+            if turn @ np.linalg.solve(both, turn) > CERTAIN_SHIFT:
+                vector = small_turn_text(turn, covariance)
                 yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
 
     def _centre(self, sums: ConventionSums) -> CentreFit:

@@ -38,10 +38,11 @@ def test_a_declared_error_is_no_news(tmp_path, few_draws):
     ("error", "target", "kind", "size"),
     [
         ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
-        pytest.param({"imu_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3, marks=pytest.mark.study),
+        ({"imu_turn": (0, 0, 13.5e-3)}, "omega", "misalignment", [4e-3] * 3),
+        ({"gyro_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3),
     ],
 )
-def test_a_declared_turn_or_delay_of_the_imu_is_no_news(tmp_path, few_draws, method, error, target, kind, size):
+def test_a_declared_turn_or_delay_of_imu_or_gyro_is_no_news(tmp_path, few_draws, method, error, target, kind, size):
     measured = measure(4, **error, **SHORT)
     result = identified_files(measured, tmp_path, method, [source("declared", target, kind, size)])
     assert result.consistency == ()
