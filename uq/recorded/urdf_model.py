@@ -177,7 +177,8 @@ def urdf_model(urdf: str, key: str, what: str, fixed: Mapping[str, Written] = NO
     try:
         import pinocchio
     except ImportError:
-        raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[urdf]` installs it") from None
+        extra = "arm" if what == "arms" else "urdf"
+        raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[{extra}]` installs it") from None
     text = _with_limits(urdf_robot(urdf, key, fixed))
     try:
         with silence():

@@ -229,5 +229,5 @@ def test_the_noise_and_what_it_leaves_out(experiment):
 
 def test_without_the_extra_its_name_is_told(experiment, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
-    with pytest.raises(RigError, match=r"arms need Pinocchio: `pip install inertia-uq\[urdf\]`"):
+    with pytest.raises(RigError, match=r"arms need Pinocchio: `pip install inertia-uq\[arm\]`"):
         Arm.of(experiment)
