@@ -17,7 +17,6 @@ from identify.joint.priors import Alignment
 from identify.rigid_body.rotation import signed_order
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written
-from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.files.schema import ROTATION, Axes, in_unit, matrix, vector
 from uq.files.units import scale
 
@@ -189,10 +188,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
         """Whether a driver removed a weight from the wrench."""
         return self.compensated in ("gravity", "gravity_from_force")
 
-    @property
-    def gravity_of_poses(self) -> np.ndarray:
-        """Gravity along the axes at rest to which poses, or a table's attitudes, refer [m/s²]."""
-        return np.array([0.0, 0.0, -STANDARD_GRAVITY]) if self.urdf_gravity is None else self.urdf_gravity
+    def gravity_of_poses(self, local: float) -> np.ndarray:
+        """Return gravity of this size along the axes to which poses, or a table's attitudes, refer [m/s²]."""
+        return np.array([0.0, 0.0, -local]) if self.urdf_gravity is None else self.urdf_gravity
 
     @property
     def turns_back(self) -> bool:

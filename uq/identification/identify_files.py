@@ -226,7 +226,8 @@ def _prepared(
     """The segments of a run that count, its weight put back, with its rest; and what is assumed."""
     recording = experiment.recording
     marked = any(isinstance(limit, str) for window in windows or () for limit in window)
-    recorded = load(path, recording, band=None if spec is None else spec.band, marks=marked)
+    band = None if spec is None else spec.band
+    recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=marked)
     chosen = cut(recorded.run, windows, recorded.marks)
     if spec is not None:
         check_rate(chosen, spec)

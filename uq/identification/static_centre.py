@@ -194,7 +194,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     elif to_rest is None:
         readings = upward(attitude, name)
     else:
-        gravity = experiment.recording.gravity_of_poses
+        gravity = experiment.recording.gravity_of_poses(experiment.gravity)
         readings = -np.einsum("nji,j->ni", to_rest, gravity / np.linalg.norm(gravity))
         notes = (_upwards(experiment.recording),)
     if poses.rate is not None:
@@ -248,7 +248,7 @@ def _leaning(
 
 def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
     marked = any(isinstance(limit, str) for window in windows for limit in window)
-    recorded = load(path, experiment.recording, band=SLOW, marks=marked)
+    recorded = load(path, experiment.recording, gravity=experiment.gravity, band=SLOW, marks=marked)
     run = recorded.run
     if run.specific_force is not None:
         return _held(recorded, experiment, windows)
@@ -376,7 +376,7 @@ def pose_readings(
     """
     poses, recording = experiment.poses, experiment.recording
     assert poses is not None  # noqa: S101 - the table was read by it
-    gravity = recording.gravity_of_poses
+    gravity = recording.gravity_of_poses(experiment.gravity)
     gravity = experiment.gravity / np.linalg.norm(gravity) * gravity
     # of each choice: words, the key that declares it, the value; as declared first
     other = OTHER[str(poses.takes)]

@@ -62,7 +62,8 @@ class LiveEstimator:
         self._viewer, pass_on = viewer, None if viewer is None else viewer.pass_on
         self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]}, pass_on=pass_on)
         delay = float(abs(nodes).max())
-        self._run = GrowingRun(Path(run), self._experiment.recording, estimator, topics, delay=delay)
+        gravity = self._experiment.gravity
+        self._run = GrowingRun(Path(run), self._experiment.recording, estimator, topics, gravity=gravity, delay=delay)
         self._sums = RunningSums(estimator, nodes)
         self._in_a_row = 0
 

@@ -20,6 +20,7 @@ from rig import channels
 from rig.bags.marks import Notes
 from rig.bags.topics import Contents
 from rig.channels import ImuChannel, WrenchChannel
+from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.load_run import of_channels
 
@@ -54,6 +55,7 @@ class GrowingRun:
         estimator: EstimatorSpec,
         topics: tuple[str, str],
         *,
+        gravity: float = STANDARD_GRAVITY,
         delay: float = 0.0,
     ) -> None:
         """Name the run.
@@ -63,9 +65,11 @@ class GrowingRun:
             recording: what its channels mean.
             estimator: its differentiator and filter.
             topics: of load cell and IMU.
+            gravity: its local size [m/s²].
             delay: largest delay of the IMU at which sums are taken [s].
         """
         self._path, self._estimator, self._topics, self._delay = path, estimator, topics, delay
+        self._gravity = gravity
         self._recording = msgspec.structs.replace(recording, time=recording.time or "header")
         self._wrench: WrenchChannel | None = None
         self._imu: ImuChannel | None = None
@@ -123,7 +127,8 @@ class GrowingRun:
         bag = channels.Recording(
             self._path, "", metadata, self._part(self._wrench, begin, end), self._part(self._imu, begin, end)
         )
-        return of_channels(bag, self._recording, NOTHING_NOTED, band=self._estimator.band, start=self._start).run
+        band = self._estimator.band
+        return of_channels(bag, self._recording, NOTHING_NOTED, gravity=self._gravity, band=band, start=self._start).run
 
     def _part(self, channel: AnyChannel, begin: float, end: float) -> AnyChannel:
         assert self._start is not None  # noqa: S101 - of blocks

@@ -111,7 +111,12 @@ class Differentiated(NamedTuple):
 
 
 def motion(
-    bag: channels.Recording, declared: RecordingTable, instants: np.ndarray, *, band: float | None = None
+    bag: channels.Recording,
+    declared: RecordingTable,
+    instants: np.ndarray,
+    *,
+    gravity: float,
+    band: float | None = None,
 ) -> RecordedMotion:
     """Return the angular velocity that a run's motion topic tells.
 
@@ -119,6 +124,7 @@ def motion(
         bag: the run.
         declared: the experiment's ``[recording]``.
         instants: of the motion's messages, on the clock that is used for them [ns].
+        gravity: its local size [m/s²].
         band: highest frequency of the motion [Hz], where it is declared.
 
     Raises:
@@ -127,16 +133,17 @@ def motion(
         RigError: the optional package for URDF is missing.
     """
     source = bag.motion
-    turning, attitude = _turning(bag, declared, instants, band), recorded_attitude(source, instants)
+    of_poses = declared.gravity_of_poses(gravity)
+    turning, attitude = _turning(bag, declared, instants, of_poses, band), recorded_attitude(source, instants)
     if attitude is None:
         return turning
     # An accelerometer tells gravity better than a quaternion, which may refer to axes of its own.
     posed = isinstance(source, MotionChannel) or not source.linear_acceleration.any()
-    return replace(turning, attitude=attitude, gravity=declared.gravity_of_poses if posed else None)
+    return replace(turning, attitude=attitude, gravity=of_poses if posed else None)
 
 
 def _turning(
-    bag: channels.Recording, declared: RecordingTable, instants: np.ndarray, band: float | None
+    bag: channels.Recording, declared: RecordingTable, instants: np.ndarray, gravity: np.ndarray, band: float | None
 ) -> RecordedMotion:
     source = bag.motion
     if isinstance(source, ImuChannel):
@@ -153,10 +160,12 @@ def _turning(
     if turning is not None and turning.any():
         note = f"the noise of {source.topic} ({source.type}) is white"
         measured = RecordedMotion(_channel(source, turning), notes=(note,))
-        return _with_poses(measured, _of_pose(source, declared, instants, name, band)) if _travels(source) else measured
+        if not _travels(source):
+            return measured
+        return _with_poses(measured, _of_pose(source, declared, instants, name, gravity, band))
     if source.orientation is None:
         raise RunError(f"the angular velocity of {name} is zero throughout: record a body that moves")
-    from_poses = _of_pose(source, declared, instants, name, band)
+    from_poses = _of_pose(source, declared, instants, name, gravity, band)
     if source.type == POSE:
         return from_poses
     warning = f"the twist of {name} is zero throughout: its poses were differentiated instead"
@@ -177,11 +186,12 @@ def _with_poses(measured: RecordedMotion, posed: RecordedMotion) -> RecordedMoti
 
 
 def _of_pose(
-    source: MotionChannel, declared: RecordingTable, instants: np.ndarray, name: str, band: float | None
-) -> RecordedMotion:
+    source: MotionChannel, declared: RecordingTable, instants: np.ndarray, name: str, gravity: np.ndarray,
+    band: float | None,
+) -> RecordedMotion:  # fmt: skip
     if declared.angular_velocity_unit is not None:
         raise RunError(f"{name} holds poses: remove recording.angular_velocity_unit, their rate is in rad/s")
-    quaternion, gravity = continuous(np.asarray(source.orientation), name), declared.gravity_of_poses
+    quaternion = continuous(np.asarray(source.orientation), name)
     travels = _travels(source)
     pose = np.hstack([quaternion, np.asarray(source.position)]) if travels else quaternion
 

@@ -18,6 +18,7 @@ from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
+from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
@@ -52,12 +53,16 @@ def load_run(path: str | Path, recording: RecordingTable | None = None) -> Run:
     return load(path, recording or RecordingTable(), marks=False).run
 
 
-def load(path: str | Path, recording: RecordingTable, *, band: float | None = None, marks: bool = True) -> Recorded:
+def load(
+    path: str | Path, recording: RecordingTable, *, gravity: float = STANDARD_GRAVITY, band: float | None = None,
+    marks: bool = True,
+) -> Recorded:  # fmt: skip
     """Read a whole recorded run with its marks and with what is assumed of it.
 
     Args:
         path: a file or rosbag2 folder with a wrench and what tells the motion.
         recording: what its channels mean.
+        gravity: its local size, which turns poses into specific force [m/s²].
         band: highest frequency of the motion [Hz], where declared.
         marks: whether the run's marks are needed.
 
@@ -66,7 +71,7 @@ def load(path: str | Path, recording: RecordingTable, *, band: float | None = No
     """
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
     ours = "log_time" in bag.metadata.get("rig.run", {})
-    return of_channels(bag, recording, read_marks(path) if marks or ours else Notes((), ()), band=band)
+    return of_channels(bag, recording, read_marks(path) if marks or ours else Notes((), ()), gravity=gravity, band=band)
 
 
 def of_channels(
@@ -74,6 +79,7 @@ def of_channels(
     recording: RecordingTable,
     extra: Notes,
     *,
+    gravity: float = STANDARD_GRAVITY,
     band: float | None = None,
     start: int | None = None,
 ) -> Recorded:
@@ -83,6 +89,7 @@ def of_channels(
         bag: its channels and metadata.
         recording: what its channels mean.
         extra: its marks, and when a sensor said that it was out of range.
+        gravity: as for :func:`load`.
         band: highest frequency of the motion [Hz], where declared.
         start: when the run began, on the clock of its samples [ns]; None: with the first of these samples.
 
@@ -100,7 +107,7 @@ def of_channels(
     times, time_notes = instants(pair, recording.time)
     check_overlap(pair, times, bag.path.name)
     early = channels.stamps_early(*pair) if times[0] is bag.wrench.stamp else 0.0
-    source = motion(bag, recording, times[1], band=band)
+    source = motion(bag, recording, times[1], gravity=gravity, band=band)
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)

@@ -105,7 +105,7 @@ def achieved(
     estimator_spec = experiment.estimator(estimator)
     if estimator_spec.band is None:
         raise ExperimentError(f"estimator '{estimator_spec.name}' has no band: give the motion's highest frequency")
-    recorded = load(path, experiment.recording, band=estimator_spec.band, marks=False)
+    recorded = load(path, experiment.recording, gravity=experiment.gravity, band=estimator_spec.band, marks=False)
     run, warnings = recorded.run, list(recorded.run.warnings)
     followed = follow(run, spec)
     lag = followed.common_lag

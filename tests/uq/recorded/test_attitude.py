@@ -79,3 +79,12 @@ def test_a_zero_along_axes_at_rest_is_estimated_with_mass_and_tensor(tmp_path):
     assert (np.abs(mass_and_centre - truth) < 4 * np.sqrt(np.diag(body.covariance)[:4])).all()
     assert (np.abs(result.inertia - posed_runs.TENSOR[np.triu_indices(3)]) < 4 * result.standard_uncertainty).all()
     assert not [text for text in result.warnings if "suspicious" in text]
+
+
+def test_poses_carry_the_platforms_gravity(tmp_path):
+    """A body in the same poses that weighs the same where gravity is smaller is heavier in proportion."""
+    path = posed_runs.write(tmp_path / "run", posed_runs.measured(3, seconds=8.0), "poses", "mcap")
+    declared = posed_runs.experiment(tmp_path, "poses")
+    masses = [identify_files([path], replace(declared, gravity=g)).parameters.mass for g in (posed_runs.G, 9.78)]
+    # what the motion's acceleration tells of the mass does not change: a part in thousands of the difference
+    assert masses[1] / masses[0] - 1 == pytest.approx(posed_runs.G / 9.78 - 1, rel=0.05)
