@@ -6,14 +6,13 @@ one run tells its width.
 """
 
 import tempfile
-from collections.abc import Iterator
-from importlib.resources import files
+from collections.abc import Iterator, Sequence
+from importlib.resources import as_file, files
 from pathlib import Path
 
 import jax
 import numpy as np
 
-from identify.results.identification_result import Identification
 from identify.results.undeclared import Undeclared
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
@@ -21,6 +20,7 @@ from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import MISTAKES
 from uq.identification.identify_files import identify_files
+from uq.identification.static_centre import centre_file
 
 EXAMPLES = ("t1-10s", "designed", "many-errors", "laboratory", "robot")
 METHODS = ("source", "gls", "joint")
@@ -41,24 +41,50 @@ def rows(name: str) -> Iterator[str]:
             except MISTAKES as error:
                 yield f"| {name}, {method} | {error} | | | |"
                 continue
-            first, second = (
-                np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared)
-            )
-            worst = int(np.argmax(second / first))
-            cells = [significant(GRAM_METRE * half[worst], 2) for half in (first, second)]
-            yield f"| {name}, {method} | {COMPONENTS[worst]} | {' | '.join(cells)} | {declare(result)} |"
+            half = result.coverage_factors * result.parameters.standard_uncertainty
+            names = [f"{component}, g·m²" for component in COMPONENTS]
+            yield row(f"{name}, {method}", names, GRAM_METRE, half, 4, result.undeclared)
 
 
-def declare(result: Identification) -> str:
+def row_of_poses() -> str:
+    """Return the line of the static poses of ``weigh.toml``."""
+    examples = files("uq") / "examples"
+    with as_file(examples / "weigh.csv") as table, as_file(examples / "weigh.toml") as document:
+        result = centre_file(table, Experiment.load(document))
+    half = result.coverage_factor * result.standard_uncertainty
+    return row("weigh, `inertia centre`", [f"CG on b{k}, mm" for k in (1, 2, 3)], 1e3, half, 1, result.undeclared)
+
+
+def row(
+    label: str, names: Sequence[str], unit: float, half: np.ndarray, first: int, undeclared: Undeclared | None
+) -> str:
+    """Return the line of one result, of the parameter whose second interval is widest for its first.
+
+    Args:
+        label: the experiment and method.
+        names: of the parameters that are looked at, with their unit.
+        unit: how many of it are one in SI.
+        half: half the first interval of all ten parameters, SI.
+        first: number of the first of these parameters.
+        undeclared: the errors that the second interval adds.
+    """
+    added = undeclared or Undeclared()
+    looked_at = slice(first, first + len(names))
+    wide = added.half_width(half)
+    worst = int(np.argmax(wide[looked_at] / half[looked_at]))
+    cells = [significant(unit * values[looked_at][worst], 2) for values in (half, wide)]
+    return f"| {label} | {names[worst]} | {' | '.join(cells)} | {declare(half, looked_at, added)} |"
+
+
+def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
     """Return the errors to declare, the largest first, until the second interval is at most a tenth wider."""
-    half = result.coverage_factors * result.parameters.standard_uncertainty
-    effects, names = list(result.undeclared.effects if result.undeclared else ()), list[str]()
+    effects, names = list(undeclared.effects), list[str]()
     while effects:
-        wide = Undeclared(tuple(effects)).half_width(half)[4:]
-        component = int(np.argmax(wide / half[4:]))
-        if wide[component] <= (1 + ENOUGH) * half[4 + component]:
+        ratio = Undeclared(tuple(effects)).half_width(half)[looked_at] / half[looked_at]
+        parameter = int(np.argmax(ratio))
+        if ratio[parameter] <= 1 + ENOUGH:
             break
-        largest = max(effects, key=lambda effect: effect.inertia[component])
+        largest = max(effects, key=lambda effect: effect.parameters[looked_at][parameter])
         effects.remove(largest)
         names.append(f"`{largest.name}`")
     return ", ".join(names) or "nothing"
@@ -67,11 +93,12 @@ def declare(result: Identification) -> str:
 def main() -> None:
     """Print the table."""
     jax.config.update("jax_enable_x64", True)
-    print("| experiment, method | component | first, ± g·m² | second, ± g·m² | to declare, the largest first |")
+    print("| experiment, method | component | first, ± | second, ± | to declare, the largest first |")
     print("|" + "---|" * 5)
     for name in EXAMPLES:
         for line in rows(name):
             print(line, flush=True)
+    print(row_of_poses())
 
 
 if __name__ == "__main__":

@@ -75,7 +75,7 @@ def _half_width(text: str, figure: str, unit: str, full_scale: float | None, rea
         value = quantity(re.sub(rf"^({NUMBER})\s*(?=\D)", r"\1 ", figure), unit)
     except UnitError:
         raise UnitError(
-            f"is {quoted(text)}: write a figure in {unit} or in % of full scale, such as {EXAMPLES}"
+            f"is {quoted(text)}: write a figure in {unit} or in % of full scale, such as '±0.5 % of full scale, k = 2'"
         ) from None
     if not value >= 0:
         raise UnitError(f"is {quoted(text)}: write zero or more")
