@@ -143,7 +143,6 @@ def check_still(fitted: JointRun) -> None:
     declared = np.sqrt(np.diag(fitted.prior.covariance)[SLICES["cg_from_still"]])
     if (beyond > 3 * declared).any():
         raise RunError(
-            f'the accelerometer in {run.name} contradicts cg_motion = "still": the centre of gravity moves as if '
-            f"{1e3 * float(np.linalg.norm(miss)):.0f} mm from the point at rest; remove cg_motion, or correct "
-            "imu_position"
+            f'the accelerometer in {run.name} contradicts cg_motion = "still": the CG moves as if '
+            f"{1e3 * float(np.linalg.norm(miss)):.0f} mm from the point at rest; remove it, or correct imu_position"
         )

@@ -122,7 +122,7 @@ def identify_files(
     except RunError as error:
         more = "; ".join(suspicions(False))
         if len(f"{error}{more}") > LONGEST:
-            more = "`inertia inspect --experiment` names suspicious conventions"
+            more = "see also `inertia inspect`"
         raise RunError("; ".join(filter(None, [str(error), more]))) from None
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
