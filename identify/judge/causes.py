@@ -70,7 +70,8 @@ def _wrench(signal: Callable[[PredictedWrench], np.ndarray], part: float) -> Cal
     def make(run: PredictedWrench) -> Made:
         columns, changes = signal(run), _largest(run.wrench.std(axis=0))
         rms = np.sqrt((columns**2).mean(axis=0))
-        ratio = np.where(rms > 1e-12 * rms.max(), changes[:, None] / np.maximum(rms, 1e-300), np.inf)
+        endless = np.full(rms.shape, np.inf)
+        ratio = np.divide(changes[:, None], rms, out=endless, where=rms > 1e-12 * rms.max())
         size = part * ratio.min(axis=0)
         return columns, np.where(np.isfinite(size), size, 0.0)
 
