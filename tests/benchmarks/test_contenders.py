@@ -55,6 +55,7 @@ def test_the_solution_of_sums_is_that_of_the_loops_rows(brief, generator):
     np.testing.assert_allclose(solved[0], expected, atol=1e-10 * brief.inertia.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "dtype"), [("samples", "float32"), ("sums", "float64")])
 def test_the_engines_agree_with_the_numpy_version(brief, generator, engine, dtype):
     """3σ and mean of every group and component: 48 figures in all at 5 standard errors, 3e-5 false alarms."""
@@ -68,6 +69,7 @@ def test_the_engines_agree_with_the_numpy_version(brief, generator, engine, dtyp
     assert np.abs(means).max() < 5
 
 
+@pytest.mark.slow
 def test_sums_in_numpy_give_the_engines_estimates_from_the_same_numbers(brief):
     (engine,), trials, key = engines(brief, "sums", trajectories=["T1"]), 50, jax.random.key(0)
     indices = np.arange(trials)

@@ -38,6 +38,7 @@ def only_cg(short):
     return emulated_tables(quiet(short, "r_cg"), repeats=3, runs=2, trajectories=("T1", "T2"), imperfections=PERFECT)
 
 
+@pytest.mark.slow
 def test_runs_of_a_repeat_share_the_centre_of_gravity_and_nothing_else(short, only_cg, tables):
     for name in ("T1", "T2"):
         alone, all_of_it = only_cg.errors[name], tables.errors[name]
@@ -51,6 +52,7 @@ def centre_of(experiment):
     return tuple(source for source in experiment.sources if source.target == "r_cg")
 
 
+@pytest.mark.slow
 def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
     """On T2 by hand: y - r̂ × F instead of y - r × F adds -δ × F, fitted to Ω (a smoother's gain is off by 1e-4)."""
     motion = true_motion(short, short.trajectories["T2"])
@@ -79,6 +81,7 @@ def test_a_perfect_rig_returns_the_truth_of_the_smoother(short):
     assert np.abs(late.errors["T1"][0, 0] - late.errors["T1"][0, 1]).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_tables_say_what_they_hold(tables):
     mean = np.abs(tables.errors["T1"].mean(axis=1))
     np.testing.assert_allclose(tables.average_deviation("T1")[:, 0], mean[:, [0, 3, 5]].mean(axis=1))

@@ -24,7 +24,7 @@ def run(draw, goal, block=10_000, most=400):
 @pytest.mark.parametrize(
     "law",
     [
-        pytest.param(stats.expon(), id="exponential"),
+        pytest.param(stats.expon(), id="exponential", marks=pytest.mark.slow),
         pytest.param(stats.norm(scale=2), id="normal", marks=pytest.mark.study),
         pytest.param(stats.lognorm(0.3), id="lognormal", marks=pytest.mark.study),
     ],

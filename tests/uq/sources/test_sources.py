@@ -147,6 +147,7 @@ def test_each_source_alone_does_what_plain_numpy_says(every):
                 np.testing.assert_allclose(tensors[name][j], expected, atol=1e-12, err_msg=f"{target} {kind}")
 
 
+@pytest.mark.slow
 def test_a_source_that_is_off_gives_nothing(silent, truth):
     engine = engine_of(silent, "samples")
     forces, moments, omegas = records(engine)
@@ -249,6 +250,7 @@ def test_constant_errors_beside_noise_are_the_same_by_samples_and_on_sums():
         np.testing.assert_allclose(on_sums[name], by_samples[name], atol=2e-9, err_msg=name)
 
 
+@pytest.mark.slow
 def test_samples_in_float32_agree_and_numbers_do_not_compile_again():
     some, run = (NOISY[0], NOISY[2]), partial(montecarlo, trials=40, estimators="smoothed")
     e = experiment(*some, known("omega", "delay", "3 ms", {}), source("q", "F", "quantisation", step=["1 N"] * 3))

@@ -67,6 +67,7 @@ def figures(out):
     return json.loads((out / "result.json").read_text())["trajectories"]
 
 
+@pytest.mark.slow
 def test_two_processes_of_slurm_give_the_bits_of_one(experiment, tmp_path):
     """As Slurm would start them, with its variables; the first alone speaks."""
     cache = {"INERTIA_CACHE": str(tmp_path / "cache")}

@@ -219,6 +219,7 @@ def test_noise_of_another_distribution_and_with_correlated_axes(noise):
 NORMAL = source("u", "omega", "precision", sigma=["1 mrad/s"] * 3)
 
 
+@pytest.mark.slow
 def test_a_source_draws_the_same_whatever_stands_beside_it():
     """In the case of all sources and alone, and in an experiment without the others."""
     offset = source("b", "M", "bias", sigma=["0.1 N*m"] * 3)
