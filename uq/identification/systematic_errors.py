@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
-from identify.estimators.gram import normal_equations
+from identify.estimators.gram import normal_equations, solve_normal
 from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
@@ -277,8 +277,7 @@ def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[d
 
 def estimate(problem: SystematicProblem, errors: Sequence[Errors]) -> Float[Array, "6"]:
     """Return the pooled tensor that the estimator gives with these errors, one set a mounting: smooth in them."""
-    # by LAPACK: written out entry by entry, as for a campaign, it takes longer to compile than these few draws save
-    return jnp.linalg.solve(*equations(problem, errors))
+    return solve_normal(*equations(problem, errors)).inertia
 
 
 def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
