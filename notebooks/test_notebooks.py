@@ -27,9 +27,9 @@ SHORTER = {
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
     r"steps=40, random=5": "steps=40, random=1",
-    r"designed = design_arm\(": "from uq.motion_design.arm import arm_design, common_practice\n"
-    "common_practice.FREQUENCIES = 1\n"
-    "arm_design.searched = lambda search, *_, **__: (common_practice.random_series(search, 1, 1), [])\n"
+    r"designed = design_arm\(": "from uq.motion_design.arm import arm_design\n"
+    "arm_design.FREQUENCIES = 1\n"
+    "arm_design.searched = lambda search, *_, **__: (arm_design.random_series(search, 1, 1), [])\n"
     "designed = design_arm(",
     r"found = design\(": "from identify.motion.optimiser import Optimum\n"
     "from dataclasses import replace\n"
