@@ -133,13 +133,13 @@ def motion(
         RigError: the optional package for URDF is missing.
     """
     source = bag.motion
-    of_poses = declared.gravity_of_poses(gravity)
-    turning, attitude = _turning(bag, declared, instants, of_poses, band), recorded_attitude(source, instants)
+    pose_gravity = declared.gravity_of_poses(gravity)
+    turning, attitude = _turning(bag, declared, instants, pose_gravity, band), recorded_attitude(source, instants)
     if attitude is None:
         return turning
     # An accelerometer tells gravity better than a quaternion, which may refer to axes of its own.
     posed = isinstance(source, MotionChannel) or not source.linear_acceleration.any()
-    return replace(turning, attitude=attitude, gravity=of_poses if posed else None)
+    return replace(turning, attitude=attitude, gravity=pose_gravity if posed else None)
 
 
 def _turning(

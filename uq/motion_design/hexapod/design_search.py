@@ -52,14 +52,14 @@ def searches(
     generators = [np.random.default_rng([seed, number]) for number in range(starts)]
     search = partial(Search, experiment=experiment, reference=reference, limits=limits, measure=measure)
     patterns = patterns_for(experiment, reference, limits, measure)
-    periodic_of = partial(Periodic.of, experiment.platform, limits, band=band, rate=GRID * band)
-    of_stages = periodic_of(period=harmonics(experiment, limits) / band)
-    stages = Stages.of(of_stages, patterns.share, duration, RAMP / band)
+    periodic_with = partial(Periodic.of, experiment.platform, limits, band=band, rate=GRID * band)
+    stage_motion = periodic_with(period=harmonics(experiment, limits) / band)
+    stages = Stages.of(stage_motion, patterns.share, duration, RAMP / band)
     holds_stages = np.diff(stages.border).min() >= 4 * stages.periodic.period
     if holds_stages:
         yield search(stages=stages), {0: patterned(stages, patterns, generators[0])}
     if starts > 1 or not holds_stages:
-        periodic = periodic_of(period=period)
+        periodic = periodic_with(period=period)
         whole_run = Stages.of(periodic, np.ones(1), duration, RAMP / band)
         numbers = range(1 if holds_stages else 0, starts)
         first = {number: start(periodic, experiment.r_cg_from_omb, generators[number], number) for number in numbers}
