@@ -95,7 +95,7 @@ FAULTS = (
           ("step * jnp.round(signal / jnp.where(step > 0, step, 1))",
            "step * jnp.floor(signal / jnp.where(step > 0, step, 1))")),
     # uq: trials
-    fault("halo", "off by one: a sample without a derivative counts", "reference_trial sums_engine run_moments",
+    fault("halo", "off by one: a sample without a derivative counts", "reference_trial sums_engine noise_moments",
           ("(index >= halo) & (index < n - halo)", "(index >= halo) & (index <= n - halo)")),
     fault("overlapping_block", "a record's last block counts samples of the one before again",
           "reference_trial sums_engine",
@@ -114,7 +114,7 @@ FAULTS = (
           ("np.arange(self.count, self.count + stretch)", "np.arange(stretch)")),
     fault("checkpoint_owner", "skipped: a part of another campaign", "checkpoint",
           ('if header["campaign"] != self.digest:', 'if header["campaign"] is None:')),
-    fault("lagged_covariance", "a differentiator's response not reversed in a correlation", "run_moments",
+    fault("lagged_covariance", "a differentiator's response not reversed in a correlation", "noise_moments",
           ("np.convolve(first, second[::-1])", "np.convolve(first, second)")),
     # uq: propagation, coverage, sensitivity
     fault("welch_satterthwaite", "u² for u⁴ in the effective degrees of freedom", "linear law_of_propagation",

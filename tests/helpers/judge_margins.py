@@ -11,7 +11,7 @@ import numpy as np
 
 from identify.judge import followed_causes, judged_result, resonance, specification
 from identify.judge.causes import causes
-from identify.judge.conventions import conventions, free_rotation, imu_conventions, removed_weight, wrench_findings
+from identify.judge.conventions import axis_hypotheses, free_rotation, imu_conventions, removed_weight, wrench_findings
 from identify.judge.conventions.convention_fit import MOMENT_TERMS
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ImuSignal, WrenchSignal, convention_sums
 from identify.judge.evidence import Base, evidence
@@ -95,7 +95,7 @@ def _of_conventions(measured):
     sums = convention_sums(wrench, ImuSignal(measured.t_imu, measured.omega, measured.acceleration))
     given = conventions.scales(sums, weight=True)
     scored = [float(conventions.chi_square(hypothesis.applied(sums), given)) + hypothesis.cost
-              for hypothesis in conventions.hypotheses()]  # fmt: skip
+              for hypothesis in axis_hypotheses.hypotheses()]  # fmt: skip
     narrow = conventions.scales(sums, weight=True, terms=MOMENT_TERMS)
     turn, chi_square, _ = conventions.misalignment(sums, narrow)
     parts = [np.sqrt(variance / sums.changes(columns))

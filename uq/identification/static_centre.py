@@ -42,7 +42,7 @@ from uq.files.units import scale
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.identification.undeclared import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
-from uq.recorded.joint_states import Chain
+from uq.recorded.joint_kinematics import Chain
 from uq.recorded.load_run import Recorded, load
 from uq.recorded.time_window import TimeWindow, resolve
 from uq.tables.table_samples import as_recording, silenced

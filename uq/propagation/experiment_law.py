@@ -17,11 +17,11 @@ from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import Case, cases_of
 from uq.propagation.adjustable_law import adjustable
-from uq.propagation.beyond_the_law import check_law
 from uq.propagation.expansion import propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.law_result import LawResult, LawStatistics
 from uq.propagation.prepared_run import PreparedRun, prepared_run, stacked
+from uq.propagation.uncovered_sources import check_law
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
 

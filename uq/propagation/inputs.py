@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uq.gram_sums.cases import Case
-from uq.propagation.beyond_the_law import Peaks, check_law
+from uq.propagation.uncovered_sources import Peaks, check_law
 from uq.sources.constant_errors import PLACES, effect, no_errors
 from uq.sources.distributions import Empirical, StudentT
 from uq.sources.draws import Mixing
@@ -121,7 +121,7 @@ def inputs_of_cases(
         peaks: how far the noise-free signals go.
 
     Raises:
-        BeyondLawError: sources that the law cannot take (:func:`uq.propagation.beyond_the_law.beyond_the_law`).
+        BeyondLawError: sources that the law cannot take (:func:`uq.propagation.uncovered_sources.beyond_the_law`).
     """
     check_law(sources, mixing, peaks)
     white = [(s, variance) for s in sources if (variance := s.error_kind.white_variance(s, rate)) is not None]

@@ -22,10 +22,10 @@ from uq.gram_sums.case_equations import FeatureSums, noise_expectation
 from uq.gram_sums.cases import cases_of
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.packed_equations import about_cg, packed_equations
-from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_sums, tensor_of
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.run_sums import jerk_of
+from uq.propagation.uncovered_sources import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.sources.constant_errors import unravel
 
 

@@ -20,9 +20,9 @@ from identify.rigid_body.regressor import Array
 from identify.signals.differentiate import padded_derivative
 from uq.gram_sums.case_equations import FeatureSums
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
-from uq.gram_sums.run_moments import PIECE, RunMoments, run_moments
-from uq.propagation.beyond_the_law import Peaks
+from uq.gram_sums.noise_moments import PIECE, RunMoments, run_moments
 from uq.propagation.expansion import DelayedSums
+from uq.propagation.uncovered_sources import Peaks
 
 
 class RunSums(NamedTuple):

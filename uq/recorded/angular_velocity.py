@@ -23,7 +23,7 @@ from rig import channels
 from rig.channels import ImuChannel, MotionChannel
 from rig.mcap.message_fields import JOINTS, POSE, TWIST
 from uq.experiment.recording_table import RecordingTable
-from uq.recorded.joint_states import Chain
+from uq.recorded.joint_kinematics import Chain
 
 AT_REST = ("map", "odom", "world", "earth")
 """Frames that do not turn with a body (REP 105)."""

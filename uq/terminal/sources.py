@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.read_limits import parse_json
 from uq.experiment.experiment import Experiment
-from uq.propagation.beyond_the_law import BeyondLawError
+from uq.propagation.uncovered_sources import BeyondLawError
 from uq.terminal.command_parser import CommandParser
 
 

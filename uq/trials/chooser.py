@@ -21,6 +21,7 @@ from identify.pytree import static_field
 from identify.rigid_body.inertia import Body
 from uq.gram_sums.case_equations import NO_NOISE
 from uq.gram_sums.cases import Case, cases_of
+from uq.gram_sums.noise_moments import RunMoments
 from uq.gram_sums.packed_equations import (
     about_cg,
     cell_scatter,
@@ -29,7 +30,6 @@ from uq.gram_sums.packed_equations import (
     packed_equations,
     solution_series,
 )
-from uq.gram_sums.run_moments import RunMoments
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise

@@ -2,8 +2,8 @@
 
 A trial depends on the gyro's noise through sums over samples. Their expectation is exact, trial by trial, from the sums
 of the true motion under the trial's constant errors; what they fluctuate by is drawn about the expected errors, with
-the covariance of :mod:`uq.gram_sums.run_moments`, and mapped by the errors as the sums are. The fluctuations are taken
-as normal. Given these sums, the load cell's noise acts on the right side of the normal equations as one normal vector a
+the covariance of :mod:`uq.gram_sums.noise_moments`, and mapped by the errors as the sums are. The fluctuations count as
+normal. Given these sums, the load cell's noise acts on the right side of the normal equations as one normal vector a
 source, with the covariance ``Σ Ωᵀ S Ω``; coloured noise likewise, with the regressor behind its filter.
 
 Each source of noise has draws of its own, which every case and every estimator in which it acts shares. So has the

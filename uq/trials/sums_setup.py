@@ -24,7 +24,7 @@ from uq.gram_sums.case_equations import (
 )
 from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, true_elements
-from uq.gram_sums.run_moments import RunMoments, filtered_backwards, run_moments
+from uq.gram_sums.noise_moments import RunMoments, filtered_backwards, run_moments
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter

@@ -12,15 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.convention_fit import (
-    FORCE_TERMS,
-    MOMENT_TERMS,
-    MOMENT_TERMS_WITH_WEIGHT,
-    NOT_RIGID,
-    Terms,
-)
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, Matrix, Vector
-from identify.judge.conventions.conventions import (
+from identify.judge.conventions.axis_hypotheses import (
     COSTS,
     DECISIVE,
     Hypothesis,
@@ -31,6 +23,14 @@ from identify.judge.conventions.conventions import (
     scales,
     signed_axes,
 )
+from identify.judge.conventions.convention_fit import (
+    FORCE_TERMS,
+    MOMENT_TERMS,
+    MOMENT_TERMS_WITH_WEIGHT,
+    NOT_RIGID,
+    Terms,
+)
+from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, Matrix, Vector
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import exponential, rotation_vectors
 from identify.rounding import fixed, with_uncertainty

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from identify.judge.conventions.attitude_findings import ORDERS, order_cure, read_as
+from identify.judge.conventions.axis_hypotheses import COSTS, DECISIVE, EQUAL
 from identify.judge.conventions.convention_sums import (
     SMOOTHING,
     STEP,
@@ -21,7 +22,6 @@ from identify.judge.conventions.convention_sums import (
     carried_attitude,
     smoothed,
 )
-from identify.judge.conventions.conventions import COSTS, DECISIVE, EQUAL
 from identify.judge.conventions.free_gravity import GravityFit, PosedForce, Rotations
 from identify.judge.conventions.free_rotation import COVERAGE, axes_text, compound
 from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA

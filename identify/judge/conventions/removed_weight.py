@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from identify.judge.conventions import convention_fit
+from identify.judge.conventions.axis_hypotheses import DECISIVE, LARGEST_LEVER, Scales, hypotheses
 from identify.judge.conventions.convention_fit import (
     ACCELERATION,
     COUNTERWEIGHT_AT,
@@ -19,7 +20,6 @@ from identify.judge.conventions.convention_fit import (
     WEIGHT,
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums, DeclaredRig
-from identify.judge.conventions.conventions import DECISIVE, LARGEST_LEVER, Scales, hypotheses
 
 AIR = 1.0
 """Density below which no body on a load cell is [kg/m³].

@@ -10,6 +10,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from identify.judge.conventions import convention_fit
+from identify.judge.conventions.axis_hypotheses import (
+    DECISIVE,
+    Hypothesis,
+    Scales,
+    best_axes,
+    misalignment,
+    scales,
+)
 from identify.judge.conventions.convention_fit import MOMENT_TERMS, CentreFit
 from identify.judge.conventions.convention_sums import (
     ALPHA,
@@ -23,14 +31,6 @@ from identify.judge.conventions.convention_sums import (
     Vector,
     WrenchSignal,
     convention_sums,
-)
-from identify.judge.conventions.conventions import (
-    DECISIVE,
-    Hypothesis,
-    Scales,
-    best_axes,
-    misalignment,
-    scales,
 )
 from identify.judge.conventions.free_rotation import (
     CERTAIN_SHIFT,

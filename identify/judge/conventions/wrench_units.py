@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from identify.judge.conventions import convention_fit
+from identify.judge.conventions.axis_hypotheses import DECISIVE, EQUAL, Scales
 from identify.judge.conventions.convention_fit import (
     FORCE_TERMS,
     MASS_AT,
@@ -20,7 +21,6 @@ from identify.judge.conventions.convention_fit import (
     CentreFit,
 )
 from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, DeclaredRig, Matrix, Vector
-from identify.judge.conventions.conventions import DECISIVE, EQUAL, Scales
 from identify.judge.conventions.removed_weight import AIR, CERTAIN, density
 
 POUND_FORCE, KILOGRAM_FORCE, INCH, FOOT = 4.4482216152605, 9.80665, 0.0254, 0.3048

@@ -8,7 +8,7 @@ import pytest
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.experiment.experiment_tables import left_out_note
-from uq.propagation.beyond_the_law import BeyondLawError
+from uq.propagation.uncovered_sources import BeyondLawError
 from uq.terminal.sources import shares_named
 
 MANY = "uq/examples/many-errors.toml"

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.judge.conventions import convention_fit, convention_sums, conventions
+from identify.judge.conventions import axis_hypotheses, convention_fit, convention_sums
 from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
 from identify.rigid_body.rotation import exponential
 from tests.helpers.spoiled_runs import T1, sensors
@@ -32,9 +32,9 @@ def test_every_order_and_sign_of_the_axes_is_recognised():
     noise the two may stay undecided, and then both are named.
     """
     whole = sums(good())
-    for hypothesis in conventions.hypotheses():
+    for hypothesis in axis_hypotheses.hypotheses():
         spoiled = hypothesis.applied(whole)
-        explained = conventions.best_axes(spoiled, conventions.scales(spoiled, weight=True))
+        explained = axis_hypotheses.best_axes(spoiled, axis_hypotheses.scales(spoiled, weight=True))
         held = [
             best.sensor == hypothesis.sensor and np.array_equal(best.matrix, hypothesis.matrix.T) for best in explained
         ]
@@ -45,12 +45,12 @@ def test_every_order_and_sign_of_the_axes_is_recognised():
 def test_a_small_turn_between_the_sensors_is_measured(turn):
     """Chi-square on three degrees of freedom stays below 22 with a chance of 7e-5; the turn is that planted."""
     whole = sums(good())
-    given = conventions.scales(whole, weight=True, terms=convention_fit.MOMENT_TERMS)
+    given = axis_hypotheses.scales(whole, weight=True, terms=convention_fit.MOMENT_TERMS)
     before, chance, _ = conventions.misalignment(whole, given)
     assert chance < 22
     turned = whole.turned(imu=exponential(np.radians(turn)))
     measured_turn, chi_square, _ = conventions.misalignment(
-        turned, conventions.scales(turned, weight=True, terms=convention_fit.MOMENT_TERMS)
+        turned, axis_hypotheses.scales(turned, weight=True, terms=convention_fit.MOMENT_TERMS)
     )
     assert chi_square > 22
     # the turn that undoes: chance's own turn after the planted one's inverse, to second order

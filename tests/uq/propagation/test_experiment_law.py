@@ -17,10 +17,10 @@ from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import cases_of
 from uq.propagation import prepared_run as kept
-from uq.propagation.beyond_the_law import BeyondLawError, Peaks
 from uq.propagation.experiment_law import PreparedLaw, law, prepare_law
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.law_validation import rejected, validate_law
+from uq.propagation.uncovered_sources import BeyondLawError, Peaks
 from uq.report.figures.campaign import contributions
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT

@@ -10,7 +10,7 @@ from identify.signals.differentiate import derivative
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import Columns, true_elements
-from uq.gram_sums.run_moments import run_moments
+from uq.gram_sums.noise_moments import run_moments
 from uq.planning.required_duration import lasting
 from uq.propagation import run_sums as pieces
 from uq.sources.noise_filters import WHITE

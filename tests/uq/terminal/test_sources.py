@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from uq.experiment.experiment import Experiment
-from uq.propagation.beyond_the_law import BeyondLawError
+from uq.propagation.uncovered_sources import BeyondLawError
 from uq.terminal.sources import shares_named
 
 

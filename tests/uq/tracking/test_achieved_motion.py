@@ -16,9 +16,8 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
 from uq.recorded.load_run import load_run
-from uq.tracking.achieved_motion import MeasuredRotation, achieved
+from uq.tracking.achieved_motion import MeasuredRotation, achieved, follow
 from uq.tracking.centre_stillness import SLOWEST
-from uq.tracking.followed import follow
 
 GAIN, LAG = 0.93, 0.0373
 RATE, SECONDS = 100, 20.0

@@ -13,8 +13,8 @@ from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.cases import Case
-from uq.propagation.beyond_the_law import ANYWHERE
 from uq.propagation.inputs import constants_of, inputs_of_cases
+from uq.propagation.uncovered_sources import ANYWHERE
 
 
 class WrenchNoise(NamedTuple):

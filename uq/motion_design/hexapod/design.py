@@ -22,8 +22,8 @@ from uq.motion_design.hexapod.reference_trajectory import (
 from uq.motion_design.hexapod.rig_limits import resolved_limits, uses
 from uq.motion_design.search import check_options, optima
 from uq.progress_bar import Progress, progress_of
-from uq.propagation.beyond_the_law import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.propagation.prepared_run import prepared_run
+from uq.propagation.uncovered_sources import ANYWHERE, BeyondLawError, beyond_the_prediction
 
 FINER = 10
 """Factor on the optimiser's instants for the final check of the limits."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identify.signals.differentiate import derivative
-from uq.gram_sums.run_moments import run_moments
+from uq.gram_sums.noise_moments import run_moments
 from uq.sources.kinds.coloured import FLICKER
 from uq.sources.noise_filters import WALK, WHITE, GyroNoise
 
@@ -98,9 +98,9 @@ def test_cumulants_of_noise_that_is_not_normal(signals, derivatives):
 
 def test_pieces_and_long_differentiators_change_nothing(signals, monkeypatch):
     whole = run_moments(signals, VALID, TAPS).covariance(GyroNoise.white(SIZE))
-    monkeypatch.setattr("uq.gram_sums.run_moments.PIECE", 7)
+    monkeypatch.setattr("uq.gram_sums.noise_moments.PIECE", 7)
     np.testing.assert_allclose(run_moments(signals, VALID, TAPS).covariance(GyroNoise.white(SIZE)), whole, atol=1e-10)
-    monkeypatch.setattr("uq.gram_sums.run_moments.FEW", 0)
+    monkeypatch.setattr("uq.gram_sums.noise_moments.FEW", 0)
     np.testing.assert_allclose(run_moments(signals, VALID, TAPS).covariance(GyroNoise.white(SIZE)), whole, atol=1e-10)
 
 
