@@ -31,7 +31,7 @@ LIMITS = {
     "residuals in the band over those above": ("≤", judged_result.UNEXPLAINED),
     "chance of least squares' difference": ("≥", specification.CHANCE),
     "part of what lies above the motion's band in one peak": ("≤", resonance.MOST),
-    "chi-square of other axes, less that as declared": ("≥", -conventions.DECISIVE),
+    "chi-square of other axes, less that as declared": ("≥", -axis_hypotheses.DECISIVE),
     "chi-square of a small turn": ("≤", free_rotation.CERTAIN_SHIFT),
     "small turn, deg": ("≤", float(np.degrees(free_rotation.LEAST_TURN))),
     "force that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
@@ -93,11 +93,11 @@ def _of_residuals(measured):
 def _of_conventions(measured):
     wrench = WrenchSignal(measured.t_wrench, measured.force, measured.moment)
     sums = convention_sums(wrench, ImuSignal(measured.t_imu, measured.omega, measured.acceleration))
-    given = conventions.scales(sums, weight=True)
-    scored = [float(conventions.chi_square(hypothesis.applied(sums), given)) + hypothesis.cost
+    given = axis_hypotheses.scales(sums, weight=True)
+    scored = [float(axis_hypotheses.chi_square(hypothesis.applied(sums), given)) + hypothesis.cost
               for hypothesis in axis_hypotheses.hypotheses()]  # fmt: skip
-    narrow = conventions.scales(sums, weight=True, terms=MOMENT_TERMS)
-    turn, chi_square, _ = conventions.misalignment(sums, narrow)
+    narrow = axis_hypotheses.scales(sums, weight=True, terms=MOMENT_TERMS)
+    turn, chi_square, _ = axis_hypotheses.misalignment(sums, narrow)
     parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
     declared = wrench_findings.DeclaredRig(measured.mass, measured.r_cg, np.full(3, 1.5e-4))

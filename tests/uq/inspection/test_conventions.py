@@ -46,10 +46,10 @@ def test_a_small_turn_between_the_sensors_is_measured(turn):
     """Chi-square on three degrees of freedom stays below 22 with a chance of 7e-5; the turn is that planted."""
     whole = sums(good())
     given = axis_hypotheses.scales(whole, weight=True, terms=convention_fit.MOMENT_TERMS)
-    before, chance, _ = conventions.misalignment(whole, given)
+    before, chance, _ = axis_hypotheses.misalignment(whole, given)
     assert chance < 22
     turned = whole.turned(imu=exponential(np.radians(turn)))
-    measured_turn, chi_square, _ = conventions.misalignment(
+    measured_turn, chi_square, _ = axis_hypotheses.misalignment(
         turned, axis_hypotheses.scales(turned, weight=True, terms=convention_fit.MOMENT_TERMS)
     )
     assert chi_square > 22
