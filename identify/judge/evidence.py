@@ -56,11 +56,11 @@ class Base:
         follows = np.linalg.solve(self.normal, products(self.columns, columns))
         return columns - self.columns @ follows, follows
 
-    def absorbing(self, columns: np.ndarray) -> tuple["Base", np.ndarray]:
-        """Return the base with further unknowns, of a prior of unit size, and the mean squares of these about 0."""
+    def absorbing(self, columns: np.ndarray) -> "Base":
+        """Return the base with further unknowns, of a prior of unit size."""
         covariance = np.linalg.inv(products(self.beside(columns)[0], columns) + np.eye(columns.shape[2]))
         coefficients = covariance @ products(columns, self.residuals[:, :, None])[:, 0]
-        return self.taking(columns, coefficients), covariance + np.outer(coefficients, coefficients)
+        return self.taking(columns, coefficients)
 
     def taking(self, columns: np.ndarray, coefficients: np.ndarray) -> "Base":
         """Return the base with a cause in it, its prior of unit size, and the residuals that it leaves."""

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.joint.joint_model import TEN
 from identify.joint.priors import indices
-from identify.judge.causes import causes, gyro_axes
-from identify.judge.evidence import Evidence, evidence
+from identify.judge.causes import causes
+from identify.judge.evidence import Base, Evidence, evidence
 from identify.judge.run_fit import RunFit
 
 CHANCE = 1e-4
@@ -76,8 +75,6 @@ class Judgement(NamedTuple):
     """Part of the residuals' squares that these explain together."""
     unexplained: float
     """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
-    by_axes: Float[np.ndarray, "10"]
-    """Standard uncertainty of mass, r_CG and packed tensor by declared turns of the gyro, where the fit has none."""
     row: int
     """Row in which ``unexplained`` is largest, counted from the last: force from −6, moment from −3."""
 
@@ -89,18 +86,15 @@ def _simplest(likely: Sequence[Evidence]) -> Evidence:
     return simpler[0] if simpler else best
 
 
-def followed(run: RunFit, free: frozenset[str], axes: Float[np.ndarray, "3 q"]) -> Judgement:
+def followed(run: RunFit, free: frozenset[str], base: Base) -> Judgement:
     """Return the causes that a run's residuals follow, and how much more than noise they leave.
 
     Args:
         run: at its best.
         free: unknowns of which nothing is declared.
-        axes: one standard uncertainty of each declared turn of the gyro [rad], in columns.
+        base: the fitted unknowns, and what else is declared.
     """
     ten = run.prior.root[indices(TEN)]
-    turned = run.transformed(gyro_axes(run.prediction) @ axes)  # which the fit has as a turn of the whole IMU
-    base, squares = run.base.absorbing(turned)
-    by_axes = ten @ run.base.beside(turned)[1]
     open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
     named: list[FollowedCause] = []
     first = 0.0
@@ -124,5 +118,4 @@ def followed(run: RunFit, free: frozenset[str], axes: Float[np.ndarray, "3 q"]) 
     above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
     explained = 1 - float((base.residuals**2).sum() / max((run.base.residuals**2).sum(), 1e-300))
-    spread = np.sqrt(np.diag(by_axes @ squares @ by_axes.T))
-    return Judgement(named, explained, float(ratio.max()), spread, int(np.argmax(ratio)) - len(ratio))
+    return Judgement(named, explained, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))

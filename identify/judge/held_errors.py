@@ -15,12 +15,14 @@ from identify.joint.joint_model import TEN
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED
 from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.priors import STATIC, indices
-from identify.judge.causes import accelerometer_place, accelerometer_scale, derivative
+from identify.judge.causes import accelerometer_place, accelerometer_scale, derivative, gyro_axes
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
 from identify.sums.normal_equations import eliminated, products, solution
 
+GYRO = "rotation"
+"""Unknown of the IMU's turn, which the joint estimate finds: as an error that it takes as zero, the gyro's alone."""
 HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
 """Unknowns of :data:`identify.joint.joint_model.SIZES` that an estimate may take as exact, or from static poses."""
 FLEXIBILITY = "flexibility"
@@ -32,7 +34,8 @@ ACCELEROMETER_ERRORS = {"accelerometer_scale": accelerometer_scale, "acceleromet
 def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunFit]) -> dict[str, np.ndarray]:
     """Return the derivatives of the ten parameters (mass, r_CG, tensor) by errors that count as zero, (10, p) each.
 
-    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`ACCELEROMETER_ERRORS`.
+    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, :data:`FLEXIBILITY`, :data:`GYRO`,
+    :data:`ACCELEROMETER_ERRORS`.
 
     Args:
         result: of an estimator.
@@ -53,7 +56,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
 
 
 def _held(run: PredictedWrench) -> dict[str, Columns]:
-    columns = {name: run.derivative(name) for name in HELD} | {FLEXIBILITY: flexing(run)}
+    columns = {name: run.derivative(name) for name in HELD} | {FLEXIBILITY: flexing(run), GYRO: gyro_axes(run)}
     if run.force_from == "accelerometer":
         columns |= {name: signals(run) for name, signals in ACCELEROMETER_ERRORS.items()}
     return columns

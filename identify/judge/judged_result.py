@@ -1,18 +1,21 @@
 """Every estimator's result, judged by force and moment of its runs: causes are named, intervals widened."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import Alignment, PriorBlock, error_blocks
 from identify.joint.single_run import Setting
 from identify.judge import declared_quantities, specification
+from identify.judge.causes import gyro_axes
 from identify.judge.evidence import Evidence
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.followed_causes import FollowedCause, followed
-from identify.judge.held_errors import by_held_errors
+from identify.judge.held_errors import GYRO, by_held_errors
 from identify.judge.resonance import ResonancePeak, lines_of, resonance, saturated
 from identify.judge.run_fit import RunFit, fit_run, tensor_change
 from identify.judge.weight import LEAST_WEIGHT, falls, lasting
@@ -100,7 +103,33 @@ def judged(result: Identification, problem: Problem) -> Identification:
         warnings=(*unexplained, *texts, *(verdict.text for verdict in verdicts)),
         by_held_errors=held,
     )
+    if result.method == "joint" and held is not None:  # the others count them by their source
+        with_causes = with_gyro_turns(with_causes, held[GYRO], _declared_turns(problem))
     return with_misfit(with_causes, shifts * result.determined)
+
+
+def _declared_turns(problem: Problem) -> dict[str, np.ndarray]:
+    """One standard uncertainty of each declared turn of the gyro about each axis [rad], in columns, by its source."""
+    return {name: error.axes for name, error in problem.errors.items() if error.unknown == "rotation"}
+
+
+def with_gyro_turns(
+    result: Identification, by_turn: Float[np.ndarray, "10 3"], turns: Mapping[str, Float[np.ndarray, "3 q"]]
+) -> Identification:
+    """Return a joint result that holds declared turns of the gyro, which its model has as turns of the whole IMU.
+
+    Args:
+        result: without them.
+        by_turn: derivative of the ten parameters by a turn of the gyro against the accelerometer.
+        turns: one standard uncertainty of each axis [rad], in columns, by source.
+    """
+    budget = dict(result.budget or {})
+    for name, axes in turns.items():
+        changes = by_turn @ axes
+        result = result.widened(changes)
+        if changes.any():
+            budget[name] = np.linalg.norm(changes[4:], axis=1)
+    return replace(result, budget=budget or None)
 
 
 def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
@@ -129,9 +158,11 @@ def _of_run(
     if not fits:
         return saturated(run), np.zeros(6), []
     named: dict[Finding, FollowedCause] = {}
-    turns = [error.axes for error in problem.errors.values() if error.unknown == "rotation"]
-    axes = np.hstack([np.zeros((3, 0)), *turns])
-    judgements = [followed(fit, _undeclared(problem, result), axes) for fit in fits]
+    axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
+    # the fit has a declared turn of the gyro as one of the whole IMU
+    bases = [fit.base.absorbing(fit.transformed(gyro_axes(fit.prediction) @ axes)) for fit in fits]
+    free = _undeclared(problem, result)
+    judgements = [followed(fit, free, base) for fit, base in zip(fits, bases, strict=True)]
     for judgement in judgements:
         for cause in judgement.causes:
             named.setdefault(cause.evidence.cause.finding, cause)
@@ -162,10 +193,8 @@ def _of_run(
             finding.verdict(run.name, axis=f"b{axis + 1}", share=share, text=text, changes=tuple(changes.tolist()))
         )
         total = total + shift
-    if result.method == "joint":  # the others count them by their source
-        total = np.linalg.norm([total, *(judgement.by_axes[4:] for judgement in judgements)], axis=0)
     if not named and not verdicts:
-        apart = specification.difference(fits[-1], np.nan_to_num(result.standard_uncertainty))
+        apart = specification.difference(fits[-1], bases[-1], np.nan_to_num(result.standard_uncertainty))
         if apart.chance < specification.CHANCE:
             verdicts.append(specification.cause(apart, run.name))
             total = np.hypot(total, apart.value)

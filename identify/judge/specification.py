@@ -7,7 +7,7 @@ leaves are their difference.
 import numpy as np
 
 from identify.estimators.hausman import EstimateDifference
-from identify.judge.evidence import spectrum
+from identify.judge.evidence import Base, spectrum
 from identify.judge.findings import MATTERS, Finding, signed
 from identify.judge.run_fit import RunFit
 from identify.results.declaration import ResidualCause
@@ -29,11 +29,12 @@ def cause(apart: EstimateDifference, run: str) -> ResidualCause:
     )
 
 
-def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> EstimateDifference:
+def difference(fit: RunFit, base: Base, standard_uncertainty: np.ndarray) -> EstimateDifference:
     """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
 
     Args:
         fit: the run at its best.
+        base: its unknowns, and what else is declared.
         standard_uncertainty: of the estimate that is judged, (6,) [kg·m²].
     """
     at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
@@ -45,10 +46,10 @@ def difference(fit: RunFit, standard_uncertainty: np.ndarray) -> EstimateDiffere
     rows = back @ fit.transformed(moved)
     inverse = np.linalg.inv(products(rows, rows))
     gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
-    value = np.einsum("miq,mi->q", gain, fit.residuals)
-    noise = gain * np.sqrt(spectrum(fit.residuals, 1 - fit.base.leverage))[:, :, None]
-    along = products(fit.columns, gain)
-    covariance = products(noise, noise) - along.T @ np.linalg.solve(fit.base.normal, along)
+    value = np.einsum("miq,mi->q", gain, base.residuals)
+    noise = gain * np.sqrt(spectrum(base.residuals, 1 - base.leverage))[:, :, None]
+    along = products(base.columns, gain)
+    covariance = products(noise, noise) - along.T @ np.linalg.solve(base.normal, along)
     values, vectors = np.linalg.eigh(covariance)
     no_news = np.diag((MATTERS * standard_uncertainty) ** 2)
     return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)

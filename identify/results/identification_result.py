@@ -195,9 +195,18 @@ class Identification(Result):
         """The result whose uncertainties and intervals hold the undeclared errors, too; itself where it has none."""
         if self.undeclared is None or not self.undeclared.effects:
             return self
-        added, half = self.undeclared.covariance, self.coverage_factors * self.parameters.standard_uncertainty
-        wide_half = self.undeclared.half_width(half)
-        covariance = self.parameters.covariance + added
+        changes = np.hstack([effect.changes for effect in self.undeclared.effects])
+        return replace(self.widened(changes), undeclared=Undeclared())
+
+    def widened(self, changes: Float[np.ndarray, "10 k"]) -> "Identification":
+        """Return the result whose uncertainties and intervals hold further normal errors.
+
+        Args:
+            changes: of the ten parameters by one standard uncertainty of each independent error [kg, m, kg·m²].
+        """
+        half = self.coverage_factors * self.parameters.standard_uncertainty
+        wide_half = np.hypot(half, mass_and_centre.NORMAL * np.linalg.norm(changes, axis=1))
+        covariance = self.parameters.covariance + changes @ changes.T
         u = np.sqrt(np.diag(covariance))
         out = (wide_half - half)[4:, None] * [-1, 1]
         return replace(
@@ -210,7 +219,6 @@ class Identification(Result):
             cg_covariance=covariance[1:4, 1:4],
             cg_inertia_covariance=covariance[1:4, 4:],
             centre_factor=np.divide(wide_half[:4], u[:4], out=np.full(4, mass_and_centre.NORMAL), where=u[:4] > 0),
-            undeclared=Undeclared(),
         )
 
     @property

@@ -84,7 +84,7 @@ def _of_residuals(measured):
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]
     return (
         max(verdict.logarithm for verdict in judged), min(verdict.chance for verdict in judged),
-        original(fit, *declared).unexplained, specification.difference(fit, result.standard_uncertainty).chance,
+        original(fit, *declared).unexplained, specification.difference(fit, fit.base, result.standard_uncertainty).chance,
         max(resonance._peak(frequency, column, resonance.ABOVE * band)[1]
             for frequency, density in spectra for column in density.T),
     )  # fmt: skip

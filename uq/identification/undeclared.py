@@ -174,7 +174,7 @@ def _of_mass(sigma: float, by_held: Mapping[str, np.ndarray]) -> Float[np.ndarra
 
 
 def _of_joint(by_held: Mapping[str, np.ndarray], undeclared: Experiment) -> dict[str, np.ndarray]:
-    """Return each error's change of the ten parameters, but for delay and gyro axes: unknowns, or declared exact."""
+    """Return each error's change of the ten parameters, but for a delay: it is an unknown, or declared exact."""
     changes = {
         name: by_held[error.unknown] @ numbers_of(name, error)
         for name, error in estimated_errors(undeclared, 1.0).items()

@@ -147,17 +147,21 @@ def test_the_joint_estimate_is_off_as_the_table_says(still, jointly, monkeypatch
             np.testing.assert_allclose(off[rows], expected[rows], atol=atol)
 
 
-def test_the_joint_estimate_depends_on_the_accelerometers_place(measured, monkeypatch):
-    """A tenth of the typical 2 mm on each axis, in the laboratory: 5 % of the largest, weights learnt anew."""
+def test_the_joint_estimate_depends_on_the_accelerometers_place_and_on_the_gyros_axes(measured, monkeypatch):
+    """A tenth of the typical 2 mm and 5 mrad on each axis, in the laboratory: a tenth of the largest, weights learnt
+    anew.
+    """
     result = looked_at(measured, "joint")
     monkeypatch.setattr(identification, "judged", lambda result, problem: result)
-    moved = [identified(measure(1, imu_position_error=tuple(2e-4 * unit), **SHORT), "joint") for unit in np.eye(3)]
-    off = 10 * np.linalg.norm([ten(one)[4:] - ten(result)[4:] for one in moved], axis=0)
-    np.testing.assert_allclose(added(result)["accelerometer_place"][4:], off, atol=0.05 * off.max())
+    for option, step, name in (("imu_position_error", 2e-4, "accelerometer_place"), ("gyro_turn", 5e-4, "gyro_axes")):
+        moved = [identified(measure(1, **{option: tuple(step * unit)}, **SHORT), "joint") for unit in np.eye(3)]
+        off = 10 * np.linalg.norm([ten(one) - ten(result) for one in moved], axis=0)
+        for rows in (slice(1, 4), slice(4, 10)):
+            np.testing.assert_allclose(added(result)[name][rows], off[rows], atol=0.1 * off[rows].max())
 
 
 def test_an_unknown_is_not_there(by_source, jointly):
-    """By least squares gravity does nothing; of the joint estimate delay and the gyro's axes are unknowns."""
+    """By least squares gravity does nothing; of the joint estimate delay and, without accelerometer, axes are unknowns."""
     assert by_source.warnings == ()
     assert set(added(by_source)) == {*TROUBLES, "mass"}
     assert set(added(jointly)) == {*TROUBLES, "gravity", "mass"} - {"delay", "gyro_axes"}
