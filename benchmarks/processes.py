@@ -21,7 +21,7 @@ def worker(core: int, port: int, processes: int, process: int) -> None:
     from uq.campaign.campaign_options import SamplingPlan
     from uq.experiment.experiment import Experiment
     from uq.terminal.common import start_jax
-    from uq.trials import distributed as cluster
+    from uq.trials import joined_processes as cluster
 
     start_jax()
     if processes > 1:

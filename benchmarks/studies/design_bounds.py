@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.studies.repeating_signals import ramp_mean_square, repeating_mean_square
 from benchmarks.studies.sums_of_squares import mean_square_bound
+from identify.motion.largest_mean_square import largest_mean_square
 from identify.motion.leg_limits import Limits
-from identify.motion.mean_square import largest_mean_square
 from identify.motion.multisine import Multisine
 from identify.motion.stages import rising
 from uq.experiment.experiment import Experiment, TrajectorySpec

@@ -26,8 +26,8 @@ from uq.files.provenance import code_digest, provenance
 from uq.progress_bar import progress_of
 from uq.trials.checkpoint import Checkpoint
 from uq.trials.chooser import Choice, engine_of
-from uq.trials.distributed import agree, in_turn, meet
 from uq.trials.engine import Estimates, run_trials
+from uq.trials.joined_processes import agree, in_turn, meet
 from uq.trials.trial_loop import TrialLoop, trials_in
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
@@ -63,7 +63,7 @@ def montecarlo(
         plan: how the trials are drawn.
         options: where and how they are run.
 
-    Among several processes (:mod:`uq.trials.distributed`) each computes its share of the trials, and all return the
+    Among several processes (:mod:`uq.trials.joined_processes`) each computes its share of the trials; all return the
     result.
 
     Raises:

@@ -15,11 +15,34 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from uq.coverage.coverage_intervals import Value, check_probability, numerical_tolerance, symmetric_interval
+from uq.coverage.coverage_intervals import Value, check_probability, symmetric_interval
 from uq.coverage.coverage_regions import Draws, covariance_of, distance, quantile
 
 CONFIDENCE = 0.95
 """Probability with which all figures under watch are within their tolerances at the stop."""
+
+
+def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
+    """Return the numerical tolerance of a standard uncertainty (JCGM 101, 7.9.2).
+
+    ``u`` with ``digits`` significant decimal digits is ``c 10^l`` with an integer c; the tolerance is ``10^l / 2``.
+
+    Raises:
+        ValueError: less than one digit, or an uncertainty that is negative.
+    """
+    if digits < 1:
+        raise ValueError(f"Argument `digits` must be 1 or more, but is {digits}.")
+    values = np.asarray(uncertainty, float)
+    if (values < 0).any():
+        raise ValueError("Argument `uncertainty` must be zero or more, but has a negative value.")
+
+    def half_of_the_last_digit(u: float) -> float:
+        if not math.isfinite(u) or u == 0:
+            return 0.0 if u == 0 else math.nan
+        exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
+        return 0.5 * 10.0 ** (exponent - digits + 1)
+
+    return np.vectorize(half_of_the_last_digit, otypes=[float])(values)
 
 
 @dataclass(frozen=True)

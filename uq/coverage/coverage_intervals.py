@@ -77,29 +77,6 @@ def shortest_interval(
     return _interval("shortest", draws, probability, points, _shortest)
 
 
-def numerical_tolerance(uncertainty: Value, digits: int = 2) -> np.ndarray:
-    """Return the numerical tolerance of a standard uncertainty (JCGM 101, 7.9.2).
-
-    ``u`` with ``digits`` significant decimal digits is ``c 10^l`` with an integer c; the tolerance is ``10^l / 2``.
-
-    Raises:
-        ValueError: less than one digit, or an uncertainty that is negative.
-    """
-    if digits < 1:
-        raise ValueError(f"Argument `digits` must be 1 or more, but is {digits}.")
-    values = np.asarray(uncertainty, float)
-    if (values < 0).any():
-        raise ValueError("Argument `uncertainty` must be zero or more, but has a negative value.")
-
-    def half_of_the_last_digit(u: float) -> float:
-        if not math.isfinite(u) or u == 0:
-            return 0.0 if u == 0 else math.nan
-        exponent = int(f"{u:.{digits - 1}e}".partition("e")[2])  # of the rounded value: 9.97 is 10 with two digits
-        return 0.5 * 10.0 ** (exponent - digits + 1)
-
-    return np.vectorize(half_of_the_last_digit, otypes=[float])(values)
-
-
 def _interval(kind: Kind, draws: np.ndarray, probability: float, points: Points, ends) -> CoverageInterval:
     draws = np.asarray(draws, float)
     check_probability(probability)
@@ -197,7 +174,7 @@ def validate(low: Value, high: Value, interval: CoverageInterval, tolerance: Val
         low: lower ends of the law's interval, of the output's shape.
         high: upper ends.
         interval: the Monte Carlo's, symmetric or shortest, of the same coverage probability.
-        tolerance: δ, in the output's unit, as :func:`numerical_tolerance` has it of a standard uncertainty.
+        tolerance: δ, in the output's unit, as :func:`uq.coverage.adaptive_procedure.numerical_tolerance` has it of a standard uncertainty.
 
     Raises:
         ValueError: the shapes differ.

@@ -9,7 +9,8 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 from uq.campaign.campaign_result import MonteCarloResult
-from uq.coverage.coverage_intervals import Verdict, numerical_tolerance, symmetric_interval, validate
+from uq.coverage.adaptive_procedure import numerical_tolerance
+from uq.coverage.coverage_intervals import Verdict, symmetric_interval, validate
 from uq.propagation.law_result import LawResult, LawStatistics
 
 WRONG_FACTOR = 2.0

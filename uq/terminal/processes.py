@@ -12,7 +12,7 @@ from uq.files.mistakes import MISTAKES, ExperimentError
 from uq.terminal.command_parser import CommandParser
 from uq.terminal.options import whole_number
 from uq.terminal.watchdog import LOST, patient, say_met
-from uq.trials import distributed as cluster
+from uq.trials import joined_processes as cluster
 
 
 def add_cluster_options(parser: CommandParser) -> None:

@@ -79,7 +79,7 @@ def _wait(child: int, met: int) -> int:
     _, status = os.waitpid(child, 0)
     code = os.waitstatus_to_exitcode(status)
     if code == -signal.SIGABRT:
-        from uq.trials.distributed import LOST_LINE  # loads JAX, with which a process must not divide
+        from uq.trials.joined_processes import LOST_LINE  # loads JAX, with which a process must not divide
 
         line, status = (LOST_LINE, LOST) if os.read(met, 1) else (ALONE_LINE, ALONE)
         sys.stderr.write(f"error: {line}\n")

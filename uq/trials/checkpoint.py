@@ -22,8 +22,8 @@ from rig.atomic_files import replacing
 from rig.read_limits import parse_json, require_file
 from uq.files.mistakes import ExperimentError
 from uq.sources.draws import stream_number
-from uq.trials.distributed import is_first
 from uq.trials.engine import Estimates
+from uq.trials.joined_processes import is_first
 
 FORMAT = 3
 """Version of the files' format."""

@@ -19,7 +19,7 @@ import numpy as np
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, Int, Key, UInt32
 
-from uq.trials.distributed import guarded, several
+from uq.trials.joined_processes import guarded, several
 
 Tree = TypeVar("Tree")
 Progress = Callable[[int, int], None]

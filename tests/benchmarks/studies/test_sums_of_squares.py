@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from benchmarks.studies.sums_of_squares import WEIGHTS, _Programme, mean_square_bound
-from identify.motion.mean_square import largest_mean_square
+from identify.motion.largest_mean_square import largest_mean_square
 
 RATIO = 3.3
 

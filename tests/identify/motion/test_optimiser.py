@@ -6,8 +6,8 @@ import numpy as np
 from scipy.optimize import minimize as scipy_minimize
 
 from identify.motion.information_bound import least
+from identify.motion.largest_mean_square import largest_amplitude, largest_mean_square
 from identify.motion.leg_limits import Limits
-from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.optimiser import Lagrangian, minimise
 from identify.motion.periodic_motion import accelerations
 

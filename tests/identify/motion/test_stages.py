@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identify.motion.attitude import attitude
-from identify.motion.phase_patterns import patterns
+from identify.motion.optimal_mixture import patterns
 from identify.motion.trajectory import swell
 from identify.rigid_body.rotation import exponential
 from tests.helpers.multisines import DURATION, RAMP, staged_multisine

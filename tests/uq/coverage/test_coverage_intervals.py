@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 from scipy.optimize import minimize_scalar
 
-from uq.coverage.coverage_intervals import numerical_tolerance, shortest_interval, symmetric_interval, validate
+from uq.coverage.adaptive_procedure import numerical_tolerance
+from uq.coverage.coverage_intervals import shortest_interval, symmetric_interval, validate
 from uq.coverage.coverage_regions import distance, ellipsoidal_region
 
 MODELS = {

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from uq.coverage.coverage_intervals import numerical_tolerance, validate
+from uq.coverage.adaptive_procedure import numerical_tolerance
+from uq.coverage.coverage_intervals import validate
 from uq.coverage.coverage_regions import ellipsoidal_region
 from uq.propagation.law_of_propagation import propagate
 from uq.propagation.propagation_of_distributions import propagate_distributions

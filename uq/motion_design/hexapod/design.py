@@ -103,7 +103,7 @@ def design(
 
     The motion is sums of sines and cosines up to the command's bandwidth, displacement and rotation of the platform's
     centre, between two ramps: either in stages, one for each of the legs' optimal patterns
-    (identify/motion/phase_patterns.py), each repeating a short period of its own, or one period for the whole run. Its
+    (identify/motion/optimal_mixture.py), each repeating a short period of its own, or one period for the whole run. Its
     predicted uncertainty, by the law of propagation with every declared source, is minimised over the amplitudes under
     all limits at every instant, from several starts: for each component three times the root mean square error,
     ``3 √(σ² + b²)`` with the mean error b, or 3σ. The best motion of either kind is then made smaller until all

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.motion.information_bound import Uncertainty, least, tensor_covariance
+from identify.motion.largest_mean_square import largest_amplitude, largest_mean_square
 from identify.motion.leg_limits import Limits
-from identify.motion.mean_square import largest_amplitude, largest_mean_square
 from identify.motion.stewart_platform import jacobian, lengths
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
 from uq.experiment.experiment import Experiment, TrajectorySpec

@@ -14,9 +14,9 @@ from jaxtyping import Array, Float
 
 from identify.motion.information_bound import tensor_covariance, tensor_information
 from identify.motion.leg_limits import Limits, shares
+from identify.motion.optimal_mixture import Mixture, mixture
 from identify.motion.optimiser import Lagrangian, Optimum
 from identify.motion.periodic_motion import Periodic, accelerations
-from identify.motion.phase_patterns import Mixture, mixture
 from identify.motion.stages import Stages
 from identify.motion.starting_motions import start
 from identify.motion.stewart_platform import jacobian, lengths

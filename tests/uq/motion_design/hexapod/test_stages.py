@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize
 
 from identify.motion.leg_limits import Limits, platform_motion
+from identify.motion.optimal_mixture import mixed, mixture, optimal_shares, patterns, steepness
 from identify.motion.periodic_motion import Periodic
-from identify.motion.phase_patterns import mixed, mixture, optimal_shares, patterns, steepness
 from identify.motion.stages import Stages
 from identify.motion.trajectory import sample
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
