@@ -174,7 +174,7 @@ def validate(low: Value, high: Value, interval: CoverageInterval, tolerance: Val
         low: lower ends of the law's interval, of the output's shape.
         high: upper ends.
         interval: the Monte Carlo's, symmetric or shortest, of the same coverage probability.
-        tolerance: δ, in the output's unit, as :func:`uq.coverage.adaptive_procedure.numerical_tolerance` has it of a standard uncertainty.
+        tolerance: δ, in the output's unit, as of :func:`uq.coverage.adaptive_procedure.numerical_tolerance`.
 
     Raises:
         ValueError: the shapes differ.
