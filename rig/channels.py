@@ -35,7 +35,7 @@ class RecordedChannel:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.topic!r}: {len(self.log_time):,} samples)"
 
-    def taken(self, which: NDArray[Any]) -> Self:
+    def taken(self, which: NDArray[Any] | slice) -> Self:
         """Return some of the messages: those at these places, or where the mask is true."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         arrays: dict[str, Any] = {name: x[which] for name, x in values.items() if isinstance(x, np.ndarray)}

@@ -29,16 +29,38 @@ MOST_PUBLISHERS = 20
 """Sets of joints that the messages of one topic name: arm, gripper, base, head."""
 
 
+class GrowingColumn:
+    """Rows of one column as they come: lists of chunks, concatenated at the end, would hold every value twice."""
+
+    def __init__(self, first: NDArray) -> None:
+        self._rows, self.count = np.empty((0, *first.shape[1:]), first.dtype), 0
+
+    def extend(self, rows: NDArray) -> None:
+        """Append rows to the column. Raises ``RigError`` where they are of another width."""
+        width, stop = self._rows.shape[1:], self.count + len(rows)
+        if rows.shape[1:] != width:
+            raise RigError("the number of its values changes from message to message: split the run")
+        if stop > len(self._rows):  # in place: a large block of memory moves without a copy
+            self._rows.resize((stop + stop // 4, *width), refcheck=False)
+        self._rows[self.count : stop] = rows
+        self.count = stop
+
+    @property
+    def values(self) -> NDArray:
+        """The rows that were appended so far."""
+        return self._rows[: self.count]
+
+
 class TopicMessages:
     """The messages of one topic as they come, chunk by chunk."""
 
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
         self.frames: set[str] = set()
-        self.chunks: dict[tuple[str, ...], dict[str, list[NDArray]]] = {}
+        self.columns: dict[tuple[str, ...], dict[str, GrowingColumn]] = {}
         """Columns of the messages that name the same joints, by these joints."""
         self.checked: dict[tuple[str, ...], int] = {}
-        """Chunks of each whose log times were checked."""
+        """Messages of each whose log times were checked."""
 
     def add(self, groups: list[DecodedMessages]) -> None:
         """Take decoded messages of one chunk."""
@@ -48,17 +70,17 @@ class TopicMessages:
         for names in dict.fromkeys(group.names for group in groups):
             same = [group for group in groups if group.names == names]
             order = np.argsort(np.concatenate([group.where for group in same]))
-            columns = self.chunks.setdefault(names, {})
+            columns = self.columns.setdefault(names, {})
             for name in same[0].columns:
                 values = np.concatenate([group.columns[name] for group in same])
-                columns.setdefault(name, []).append(values if len(same) == 1 else values[order])
-        if len(self.chunks) > MOST_PUBLISHERS:
+                columns.setdefault(name, GrowingColumn(values)).extend(values if len(same) == 1 else values[order])
+        if len(self.columns) > MOST_PUBLISHERS:
             raise RigError(f"its messages name over {MOST_PUBLISHERS} sets of joints: record those of the robot alone")
 
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints of all messages."""
-        return tuple(dict.fromkeys(name for names in self.chunks for name in names))
+        return tuple(dict.fromkeys(name for names in self.columns for name in names))
 
     def check_clock(self, file: PathLike, topic: str) -> None:
         """Refuse log times that step back within the file that was taken last: sorted, they would interleave.
@@ -66,10 +88,9 @@ class TopicMessages:
         Raises:
             RigError: they do.
         """
-        for names, columns in self.chunks.items():
-            parts = columns["log_time"][self.checked.get(names, 0) :]
-            self.checked[names] = len(columns["log_time"])
-            times = np.concatenate(parts) if parts else np.zeros(0)
+        for names, columns in self.columns.items():
+            times = columns["log_time"].values[self.checked.get(names, 0) :]
+            self.checked[names] = columns["log_time"].count
             back = np.maximum.accumulate(times) - times
             if len(back) and back.max() > SET_BACK:
                 raise RigError(
@@ -78,16 +99,17 @@ class TopicMessages:
                 )
 
     def arrays(self) -> dict[str, NDArray]:
-        """Every column of the topic in the order of ``log_time``; the chunks are released one by one.
+        """Every column of the topic in the order of ``log_time``; they are taken out of the topic.
 
         A message that names some of the joints alone holds NaN for the others.
         """
         joints, parts = self.joints, []
-        for names in list(self.chunks):
-            columns = self.chunks.pop(names)
-            part = {name: np.concatenate(columns.pop(name)) for name in list(columns)}
+        for names in list(self.columns):
+            part = {name: column.values for name, column in self.columns.pop(names).items()}
             parts.append(part if names == joints else {name: _among(x, names, joints) for name, x in part.items()})
-        joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
+        joined = parts[0]
+        if len(parts) > 1:
+            joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(joined)}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():
             order = np.argsort(log_time, kind="stable")

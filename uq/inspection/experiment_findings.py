@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.judge.conventions.attitude_findings import attitude_findings
 from identify.judge.conventions.clock_findings import clock_findings
-from identify.judge.conventions.convention_sums import DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_sums import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.imu_conventions import imu_findings
 from identify.judge.conventions.wrench_findings import wrench_findings
@@ -38,6 +38,7 @@ def experiment_findings(
 
 def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Contradiction]:
     usable = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
+    usable = slice(usable.start, min(usable.stop, usable.start + MOST_SAMPLES))
     time = run.t[usable]
     if len(time) < 10:
         return []

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identify.judge.conventions.clock_findings import clock_findings
-from identify.judge.conventions.convention_sums import DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_sums import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.imu_conventions import imu_findings
 from identify.judge.conventions.wrench_findings import wrench_findings
 from rig.channels import ImuChannel, WrenchChannel, stamps_early
@@ -73,6 +73,7 @@ def _cured(report: Inspection) -> Inspection:
 
 def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
     """Findings on the signals alone: each IMU, and wrench and motion where neither is faulty otherwise."""
+    channels = [channel.taken(slice(MOST_SAMPLES)) for channel in channels]
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
     origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)

@@ -38,6 +38,11 @@ LEAST_SECONDS = 3.0
 
 Choice: 17 independent instants behind the filter.
 """
+MOST_SAMPLES = 1_000_000
+"""Samples of a sensor behind which its conventions, which do not change, are no longer judged.
+
+Choice: a quarter of an hour at 1 kHz; seconds of computing and 0.5 GB of memory.
+"""
 FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
 MOTION = slice(12, 12 + len(FEATURES))
 WIDTH = MOTION.stop
