@@ -1,10 +1,12 @@
 """Both intervals of the examples' experiments, and what a user must declare to make them one.
 
-``python -m benchmarks.studies.interval_widths``: each experiment of ``inertia examples`` that can be simulated, one run
-of it, without the line ``undeclared = "none"``, by each method. The second interval rests on typical figures, so that
-one run tells its width.
+``python -m benchmarks.studies.interval_widths [FOLDER]``: each experiment of ``inertia examples`` that can be
+simulated, one run of it, without the line ``undeclared = "none"``, by each method, and ``throws.toml`` with the
+recordings of a folder (:mod:`benchmarks.studies.throws`). The second interval rests on typical figures, so that one run
+tells its width.
 """
 
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from importlib.resources import as_file, files
@@ -36,14 +38,26 @@ def rows(name: str) -> Iterator[str]:
         experiment, path = Experiment.load(Path(folder) / f"{name}.toml"), Path(folder) / "run.mcap"
         simulate(experiment, seed=1).write(path)
         for method in METHODS:
-            try:
-                result = identify_files([path], experiment, method=method)
-            except MISTAKES as error:
-                yield f"| {name}, {method} | {error} | | | |"
-                continue
-            half = result.coverage_factors * result.parameters.standard_uncertainty
-            names = [f"{component}, g·m²" for component in COMPONENTS]
-            yield row(f"{name}, {method}", names, GRAM_METRE, half, 4, result.undeclared)
+            yield row_of_runs(name, [path], experiment, method)
+
+
+def rows_of_throws(folder: Path) -> Iterator[str]:
+    """Yield the line of ``throws.toml`` with all recordings ``BODY_NUMBER.mcap`` of each body of a folder."""
+    with as_file(files("uq") / "examples" / "throws.toml") as document:
+        experiment = Experiment.load(document)
+    for body in sorted({path.stem.rsplit("_", 1)[0] for path in folder.glob("*.mcap")}):
+        yield row_of_runs(f"throws, {body}", sorted(folder.glob(f"{body}_*.mcap")), experiment, "source")
+
+
+def row_of_runs(name: str, paths: Sequence[Path], experiment: Experiment, method: str) -> str:
+    """Return the line of some runs, identified together."""
+    try:
+        result = identify_files(paths, experiment, method=method)
+    except MISTAKES as error:
+        return f"| {name}, {method} | {error} | | | |"
+    half = result.coverage_factors * result.parameters.standard_uncertainty
+    names = [f"{component}, g·m²" for component in COMPONENTS]
+    return row(f"{name}, {method}", names, GRAM_METRE, half, 4, result.undeclared)
 
 
 def row_of_poses() -> str:
@@ -92,12 +106,15 @@ def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
 
 def main() -> None:
     """Print the table."""
+    folders = [Path(argument) for argument in sys.argv[1:]]
     jax.config.update("jax_enable_x64", True)
     print("| experiment, method | component | first, ± | second, ± | to declare, the largest first |")
     print("|" + "---|" * 5)
     for name in EXAMPLES:
         for line in rows(name):
             print(line, flush=True)
+    for folder in folders:
+        print(*rows_of_throws(folder), sep="\n")
     print(row_of_poses())
 
 

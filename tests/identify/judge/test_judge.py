@@ -59,7 +59,7 @@ def test_a_trouble_is_named_and_covered(method, trouble, size, name):
     np.testing.assert_array_equal(result.misfit is not None, True)
 
 
-@pytest.mark.parametrize(("mass", "frequency"), [(0.9, 4.0), (0.3, 1.5)])
+@pytest.mark.parametrize(("mass", "frequency"), [(0.9, 4.0), (0.3, 1.5), (0.03, 1.5)])
 def test_what_has_no_name_is_said_first_and_widens_the_interval(mass, frequency):
     """Within the motion's band a liquid is imitated by gains, air and a cable, each of which explains little of it."""
     measured = measure(0, slosh_mass=mass, slosh_frequency=frequency, **SHORT)
