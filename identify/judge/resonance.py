@@ -101,7 +101,8 @@ def _peak(frequency: Float[np.ndarray, " n"], density: np.ndarray, lowest: float
     step, open_to = frequency[1], (frequency > lowest) & (frequency < 0.9 * frequency[-1])
     if not open_to.any():
         return 0.0, 0.0, 0.0
-    at = int(np.argmax(np.where(open_to, density, 0.0)))
+    rises = np.diff(density, prepend=np.inf) > 0  # else the slope of the motion's own spectrum
+    at = int(np.argmax(np.where(open_to & rises, density, 0.0)))
     level = max(_level(frequency, density, at, lowest, below) for below in (True, False))
     if not density[at] > STANDS_OUT * level:  # nor where nothing was measured
         return 0.0, 0.0, 0.0

@@ -43,6 +43,13 @@ def test_noise_is_none_be_it_white_or_coloured():
             assert resonance(run_with(moment, seed), BAND) is None
 
 
+def test_the_slope_of_the_motions_own_line_is_none():
+    """Of a run without noise the window spreads a line below the lowest frequency over those above it."""
+    t = np.arange(int(RATE * SECONDS)) / RATE
+    motion = np.sin(2 * np.pi * np.multiply.outer(t, [0.8, 1.1, 4.2]))
+    assert resonance(Run(t, np.zeros_like(motion), motion, motion, name="run"), BAND) is None
+
+
 def test_a_short_run_is_not_judged():
     run = run_with(ringing(25.0, 0.03, 0.3))
     assert resonance(run.between(0.0, 6.0), BAND) is None
