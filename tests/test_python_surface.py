@@ -21,6 +21,7 @@ CALLS = {
     'uq.montecarlo(experiment, trials="100")': "Argument `trials` must be a whole number, but is '100'",
     "uq.montecarlo(experiment, trials=2, seed=0.5)": "Argument `seed` must be a whole number, but is 0.5",
     'identify.identify(run, r_cg=[0, 0, 0.05], estimator="smoothed")': "must be an EstimatorSpec, but is 'smoothed'",
+    'uq.identify_files("run.mcap", experiment, centre=identify.Centre)': "must be a Centre or the path of its centre.json",
     "identify.identify(run, r_cg=[0, 0, 53])": "r_cg is [0, 0, 53]: give it in metres",
     "identify.identify(replace(run, t=1e3 * run.t), r_cg=[0, 0, 0.05])": "give its times in seconds",
     "identify.identify(uq.simulate(experiment), r_cg=[0, 0, 0.05])": "has a SimulatedRun: give its .run",

@@ -26,9 +26,12 @@ def load_centre(path: str | Path | Centre) -> Centre:
         RunError: it is not JSON, no centre, of another version, or holds figures that cannot be used.
         RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
+        TypeError: it is neither a path nor a centre.
     """
     if isinstance(path, Centre):
         return path
+    if not isinstance(path, (str, Path)):
+        raise TypeError(f"Argument `centre` must be a Centre or the path of its centre.json, but is {path!r}.")
     require_file(path)
     name = Path(path).name
     try:

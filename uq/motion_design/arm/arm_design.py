@@ -16,7 +16,7 @@ from uq.experiment.experiment import Experiment
 from uq.motion_design.arm.arm import Arm
 from uq.motion_design.arm.arm_limits import ArmLimits
 from uq.motion_design.arm.clearance import Clearance
-from uq.motion_design.arm.joint_search import GRID, Candidate, Goal, JointSearch
+from uq.motion_design.arm.joint_search import GRID, Candidate, Goal, JointSearch, periods
 from uq.motion_design.arm.largest_motion import enlarged, largest_size
 from uq.motion_design.arm.mujoco_run import loaded_model
 from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise, promised
@@ -103,6 +103,9 @@ def design_arm(
     """
     seconds = {"duration": duration, "period": period, "ramp": ramp}
     check_options({"goal": (goal, ARM_GOALS)}, {"starts": starts, "random series": random}, seconds)
+    if experiment.limits is not None and np.isfinite(experiment.limits.figures.bandwidth):
+        # before meshes are read and limits compiled
+        periods(experiment.limits.figures.bandwidth, duration, period, ramp)
     tell = progress or (lambda *_: None)
     arm = Arm.of(experiment)
     noise = declared_noise(experiment, arm.declared.rate)

@@ -59,6 +59,23 @@ class Candidate:
         return float(goal(jnp.asarray(self.covariance)))
 
 
+def periods(bandwidth: float, duration: float, period: float, ramp: float) -> int:
+    """Return how often a motion repeats between its ramps; bandwidth in Hz, times in seconds.
+
+    Raises:
+        ExperimentError: not once, or the period is shorter than that of the bandwidth.
+    """
+    repeats = int((duration - 2 * ramp) / period + 1e-9)
+    if repeats < 1 or period * bandwidth < 1:
+        least, longest = 1 / bandwidth, duration - 2 * ramp
+        shorter = f"state a period of {least:.3g} to {longest:.3g} s, or " if least <= longest else ""
+        raise ExperimentError(
+            f"no room for a period of {period:g} s in {duration:g} s with two ramps of {ramp:g} s, up to "
+            f"{bandwidth:g} Hz: {shorter}measure for {max(period, least) + 2 * ramp:g} s or longer"
+        )
+    return repeats
+
+
 class JointSearch:
     """Motions of one kind on one arm: for the design, for its D-optimal rival, and for random series."""
 
@@ -75,14 +92,7 @@ class JointSearch:
             ramp: the least time to start and to stop [s].
             grid: instants of the search in a period of the highest frequency.
         """
-        repeats = int((duration - 2 * ramp) / period + 1e-9)
-        if repeats < 1 or period * limits.bandwidth < 1:
-            least, longest = 1 / limits.bandwidth, duration - 2 * ramp
-            shorter = f"state a period of {least:.3g} to {longest:.3g} s, or " if least <= longest else ""
-            raise ExperimentError(
-                f"no room for a period of {period:g} s in {duration:g} s with two ramps of {ramp:g} s, up to "
-                f"{limits.bandwidth:g} Hz: {shorter}measure for {max(period, least) + 2 * ramp:g} s or longer"
-            )
+        repeats = periods(limits.bandwidth, duration, period, ramp)
         self.limits, self.noise, self.duration, self.repeats = limits, noise, duration, repeats
         self.period, self.least_ramp = period, ramp
         self.ramp = (duration - repeats * period) / 2
