@@ -149,15 +149,15 @@ def test_the_joint_estimate_is_off_as_the_table_says(still, jointly, monkeypatch
 
 def test_the_joint_estimate_depends_on_the_accelerometers_place_and_on_the_gyros_axes(measured, monkeypatch):
     """A tenth of the typical 2 mm and 5 mrad on each axis, in the laboratory: a tenth of the largest, weights learnt
-    anew.
+    anew; 5 % of the tensor's by the place.
     """
     result = looked_at(measured, "joint")
     monkeypatch.setattr(identification, "judged", lambda result, problem: result)
     for option, step, name in (("imu_position_error", 2e-4, "accelerometer_place"), ("gyro_turn", 5e-4, "gyro_axes")):
         moved = [identified(measure(1, **{option: tuple(step * unit)}, **SHORT), "joint") for unit in np.eye(3)]
         off = 10 * np.linalg.norm([ten(one) - ten(result) for one in moved], axis=0)
-        for rows in (slice(1, 4), slice(4, 10)):
-            np.testing.assert_allclose(added(result)[name][rows], off[rows], atol=0.1 * off[rows].max())
+        for rows, within in ((slice(1, 4), 0.1), (slice(4, 10), 0.05 if name == "accelerometer_place" else 0.1)):
+            np.testing.assert_allclose(added(result)[name][rows], off[rows], atol=within * off[rows].max())
 
 
 def test_an_unknown_is_not_there(by_source, jointly):
