@@ -23,7 +23,8 @@ def device_class(kind: str) -> type[Device]:
         RigError: the kind is unknown.
     """
     if kind not in kinds():
-        raise RigError(f"unknown device kind {quoted(kind)}: choose one of {', '.join(kinds())}")
+        # a kind of more letters is no mistyped one; in full it would make the line too long
+        raise RigError(f"unknown kind {quoted(kind[:20])}: choose {', '.join(kinds())}")
     return ENTRIES[kind].load()
 
 

@@ -144,8 +144,8 @@ def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
         key, ratio = ("half_width", bounded.ratio) if table.half_width is not None else ("sigma", 1.0)
     figure = getattr(table, key)
     if figure is None and table.half_width is not None:
-        advice = f'add distribution = "rectangular", or another of {", ".join(BETWEEN_LIMITS)}'
-        raise WrongKeyError(key, advice, "is missing, and half_width belongs to a distribution between limits")
+        advice = f"add one ({', '.join(BETWEEN_LIMITS)})"
+        raise WrongKeyError(key, advice, "is missing; half_width needs a distribution between limits")
     if figure is None:
         raise WrongKeyError(key, "add it")
     in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()

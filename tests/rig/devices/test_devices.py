@@ -239,7 +239,7 @@ def test_the_first_half_line_is_passed_over():
 @pytest.mark.parametrize(
     ("kind", "options", "words"),
     [
-        ("bota2", {}, "unknown device kind .*choose one of ati-net-ft, bota"),
+        ("bota2", {}, "unknown kind .*choose ati-net-ft, bota"),
         ("bota", {"speed": 3}, "unknown option 'speed'.*rate, configure"),
         ("bota", {"rate": "fast"}, "give a number"),
         ("bota", {"rate": True}, "give a number"),

@@ -98,7 +98,7 @@ def test_degrees_of_freedom_are_kept():
         ({"target": "gravity", "kind": "drift"}, "gravity is one draw an experiment, write \"bias\""),
         ({"kind": "wobble"}, r"source\[s\].kind is 'wobble': choose one of bias, coloured"),
         ({"sigma": None}, r"missing key source\[s\].sigma: add it"),
-        ({"sigma": None, "half_width": ["1 N"] * 3}, r"half_width belongs to a distribution between limits: add distribution = \"rect"),
+        ({"sigma": None, "half_width": ["1 N"] * 3}, r"half_width needs a distribution between limits: add one \(rect"),
         ({"half_width": ["1 N"] * 3}, r"source\[s\].sigma and half_width both state the width: leave one out"),
         ({"distribution": "student_t"}, r"missing key source\[s\].degrees_of_freedom"),
         ({"distribution": "student_t", "degrees_of_freedom": 3}, r"missing key source\[s\].scale"),
