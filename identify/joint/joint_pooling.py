@@ -11,7 +11,7 @@ import numpy as np
 
 from identify.joint.priors import indices
 from identify.joint.single_run import JointRun
-from identify.sums.normal_equations import SharedEquations, eliminated
+from identify.sums.row_products import SharedEquations, eliminated
 
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
 """Unknowns that all runs of one body and one rig share."""

@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from identify.judge.causes import Cause
 from identify.signals.filters import moving_average
-from identify.sums.normal_equations import inverse, products
 from identify.sums.residual_spectrum import leverage
+from identify.sums.row_products import inverse, products
 
 SMOOTHED = 10
 """Lines on each side over which the residuals' spectrum is taken.

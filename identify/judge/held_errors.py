@@ -19,7 +19,7 @@ from identify.judge.causes import accelerometer_place, accelerometer_scale, deri
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.methods.base import Problem
 from identify.results.identification_result import Identification
-from identify.sums.normal_equations import eliminated, products, solution
+from identify.sums.row_products import eliminated, products, solution
 
 GYRO = "rotation"
 """Unknown of the IMU's turn, which the joint estimate finds: as an error that it takes as zero, the gyro's alone."""

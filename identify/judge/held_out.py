@@ -33,8 +33,8 @@ from identify.results.held_out_result import HeldOut, HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
 from identify.signals.run import Run
-from identify.sums.normal_equations import inverse, products
 from identify.sums.residual_spectrum import spectrum
+from identify.sums.row_products import inverse, products
 
 WIDER = 3
 """Width of the noise spectrum's windows over that of the estimators' windows.

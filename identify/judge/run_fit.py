@@ -21,7 +21,7 @@ from identify.judge.evidence import Base
 from identify.judge.force_of_motion import with_force_of_motion
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
-from identify.sums.normal_equations import products, solution
+from identify.sums.row_products import products, solution
 
 STEPS = 10
 """Most steps of Gauss–Newton, the first two of which set the weights.

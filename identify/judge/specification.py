@@ -12,7 +12,7 @@ from identify.judge.findings import MATTERS, Finding, signed
 from identify.judge.run_fit import RunFit
 from identify.results.declaration import ResidualCause
 from identify.rounding import significant
-from identify.sums.normal_equations import products
+from identify.sums.row_products import products
 
 CHANCE = 1e-6
 """Chance of as large a difference below which the difference counts.

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import zstandard
 
-from rig.bags.message_batches import ZSTD, ContainerFile
+from rig.bags.message_packing import ZSTD, ContainerFile
 from rig.exceptions import RigError, listed
 from rig.mcap.records import MAGIC, Batch, Definitions, Scanner, batches, damage
 from rig.read_limits import UnpackBudget, require_file

@@ -7,7 +7,7 @@ from typing import IO
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import ContainerFile
+from rig.bags.message_packing import ContainerFile
 from rig.bags.topics import Contents, Topics
 from rig.exceptions import RigError
 from rig.mcap.records import MAGIC, RECORD_HEADER, Batch, Definitions, Record, batches, damage, message_at

@@ -11,7 +11,7 @@ from typing import Any
 import lz4.frame
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import FULL, ContainerFile, Packer
+from rig.bags.message_packing import FULL, ContainerFile, Packer
 from rig.exceptions import RigError, reason
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from mcap.records import Channel, Schema
 
-from rig.bags.message_batches import FULL, ContainerFile, Packer
+from rig.bags.message_packing import FULL, ContainerFile, Packer
 from rig.exceptions import RigError, listed
 from rig.mcap.message_definitions import canonical
 from rig.mcap.records import Batch, Definitions

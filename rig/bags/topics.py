@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rig.bags import json_messages
 from rig.bags.containers import recording_files, recording_sha256
-from rig.bags.message_batches import ContainerFile, pieces
+from rig.bags.message_packing import ContainerFile, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr_decode, message_definitions

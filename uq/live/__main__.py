@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> int:
     from uq.files.compilation_cache import keep_compiled
     from uq.files.mistakes import MISTAKES
     from uq.live.estimator import LiveEstimator
-    from uq.live.viewer import Viewer
+    from uq.live.foxglove_server import Viewer
 
     keep_compiled()
     try:

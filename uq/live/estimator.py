@@ -17,10 +17,10 @@ from rig.record.recorder import MEANING
 from rig.record.rig_file import Rig, load_rig
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.live.estimate_lines import block_of, line_of
+from uq.live.foxglove_server import Viewer
 from uq.live.growing_run import GrowingRun
 from uq.live.live_estimate import LiveEstimate, estimated, nodes_of, sources_in
 from uq.live.running_sums import RunningSums
-from uq.live.viewer import Viewer
 from uq.recorded.declared_channels import declared
 
 CONFIRMED = 2

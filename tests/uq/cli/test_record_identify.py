@@ -19,7 +19,7 @@ from tests.helpers.rig_lab import Recording, refused
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.live.viewer import TOPIC
+from uq.live.foxglove_server import TOPIC
 
 EXAMPLES = Path(__file__).parents[3] / "uq" / "examples"
 E = "t1-10s.toml"

@@ -13,8 +13,8 @@ from mcap.records import Channel, Schema
 from rig.exceptions import RigError
 from rig.mcap import cdr_encode, message_definitions
 from tests.helpers.foxglove_client import heard
+from uq.live.foxglove_server import FIGURES, HEAD, MOST, TOPIC, Viewer
 from uq.live.second_process import LAYOUT
-from uq.live.viewer import FIGURES, HEAD, MOST, TOPIC, Viewer
 
 
 def test_messages_pass_as_they_were_written():
