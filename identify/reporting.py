@@ -1,8 +1,8 @@
 """Numbers, tables and figures of every result, for terminal, notebook, JSON, DataFrame and report.
 
 A result is a dataclass that inherits :class:`Result`. It holds data and gives its bare numbers by ``records()``; a view
-(:mod:`identify.views`) shows it as tables, texts and figures. Without one, the table is that of the bare numbers.
-A method of the result's own goes before its view's.
+(:mod:`identify.views`) shows it as tables, texts and figures. Where no view is registered, as in a program that imports
+:mod:`identify` alone, the table is that of the bare numbers. A method of the result's own goes before its view's.
 """
 
 import dataclasses

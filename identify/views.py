@@ -1,4 +1,4 @@
-"""Views: the functions that show objects of a type as tables, figures and texts, found by the type's name.
+"""Views: the functions that show objects of a type as tables, figures and texts, registered by the type's name.
 
 A view is a module with any of the functions ``title``, ``tables``, ``overview``, ``notes``, ``drawings`` and
 ``section``, each of the object shown; several small views share a module, each with a prefix, as ``bound_title``.
@@ -6,20 +6,26 @@ A view is a module with any of the functions ``title``, ``tables``, ``overview``
 type is first shown; the type itself knows nothing of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
-from pkgutil import resolve_name
 from typing import Any
 
-VIEWS = "uq.report.views:VIEWS"
-"""Path of the views by the types' names, imported when a result is shown: what only computes does without ``uq``."""
+_PATHS: dict[str, str] = {}
+
+
+def register(paths: Mapping[str, str]) -> None:
+    """Name the views of types.
+
+    Args:
+        paths: of each view, ``module`` or ``module:prefix``, by the type's module and name: ``package.module.Type``.
+    """
+    _PATHS.update(paths)
 
 
 def part_of_view(kind: type, part: str) -> Callable[[Any], Any] | None:
     """Return a function of the view of a type, or of the nearest of its bases that has one; None: there is none."""
-    paths = resolve_name(VIEWS)
     names = (f"{base.__module__}.{base.__qualname__}" for base in kind.__mro__)
-    path = next((paths[name] for name in names if name in paths), None)
+    path = next((_PATHS[name] for name in names if name in _PATHS), None)
     if path is None:
         return None
     module, _, prefix = path.partition(":")

@@ -1,4 +1,6 @@
-"""The view of each type of result: ``module`` or ``module:prefix``, imported by :mod:`identify.views`."""
+"""The view of each type of result, by the type's name; :mod:`identify.views` imports it when it is first asked for."""
+
+from identify.views import register
 
 TABLES = "uq.report.tables"
 VIEWS = {
@@ -33,3 +35,5 @@ VIEWS = {
     "uq.sensitivity.sobol_shapley.Sensitivity": f"{TABLES}.measurands:sensitivity",
     "uq.tracking.achieved_motion.Achieved": f"{TABLES}.achieved",
 }
+
+register(VIEWS)
