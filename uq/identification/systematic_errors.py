@@ -24,7 +24,7 @@ from identify.results.covariances import positive, with_cross
 from identify.results.identification_result import Identification, covering_bias
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
-from identify.signals.run import Run
+from identify.signals.run import Run, RunError
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
@@ -120,13 +120,15 @@ def with_declared_sources(
 
     Raises:
         ExperimentError: ``redrawn`` names no constant source, or not all that are correlated.
-        RunError: a declared delay takes more than half of a run.
+        RunError: a declared delay takes more than half of a run, or half of the draws leave no solution.
     """
     if result.seen is not None:
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
     systematic = propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
     if systematic.failed:
-        left_out = f"{systematic.failed} of {trials:,} draws of the declared sources leave no solution"
+        left_out = f"{systematic.failed:,} of {trials:,} draws of the declared sources leave no solution"
+        if systematic.failed > trials / 2:  # those that remain are no sample of the errors
+            raise RunError(f"{left_out}: state smaller errors in [[source]]")
         result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
     if result.pooling is None or result.admissible is not None:
         return widened_by_sources(result, systematic)

@@ -230,19 +230,22 @@ def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, tri
 
 
 def test_draws_without_a_solution_are_counted_and_left_out(short, monkeypatch):
-    """Every tenth trial's estimate is NaN: what the others say is stated, with a warning."""
+    """Where every tenth trial's estimate is NaN, what the others say is stated, with a warning; most of them say nothing."""
     experiment = only(short, *(s for s in short.sources if s.target == "r_cg"))
     run = simulate(only(short), "T2").run
     before = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
 
     def some_fail(*arguments, **options):
         trials = np.array(loop(*arguments, **options))
-        trials[::10] = np.nan
+        trials[::step] = np.nan
         return trials
 
-    loop = systematic_errors.all_trials
+    loop, step = systematic_errors.all_trials, 10
     monkeypatch.setattr(systematic_errors, "all_trials", some_fail)
     after = with_declared_sources(before, [run], experiment, trials=500)
     assert "50 of 500 draws of the declared sources leave no solution: they are left out" in after.warnings
     assert np.isfinite(after.interval95).all()
     assert (after.budget["r_cg"] > 0).any()
+    step = 1
+    with pytest.raises(RunError, match="500 of 500 draws of the declared sources leave no solution: state smaller"):
+        with_declared_sources(before, [run], experiment, trials=500)
