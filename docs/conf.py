@@ -27,6 +27,7 @@ html_theme = "furo"
 html_title = f"inertia-uq {release}"
 html_show_sphinx = False
 html_copy_source = False
+html_static_path, html_css_files = ["static"], ["pictures.css"]
 pygments_style, pygments_dark_style = "a11y-high-contrast-light", "a11y-high-contrast-dark"
 html_show_copyright = False
 
@@ -35,8 +36,9 @@ FOR_READERS_BY_EAR_AND_KEYBOARD = {
     '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="Site">',
     '<aside class="toc-drawer">': '<aside class="toc-drawer" aria-label="This page">',
     "<pre>": '<pre tabindex="0">',
+    "<p><img ": '<p class="picture" tabindex="0"><img ',
 }
-"""What the theme leaves out: levels of headings, names of landmarks, code that a keyboard can move."""
+"""What the theme leaves out: levels of headings, names of landmarks, code and pictures that a keyboard can move."""
 
 
 def _completed(app, error):

@@ -1,8 +1,9 @@
 """Every block of code on the documentation's pages runs as it stands, and prints what the page says that it prints.
 
-A page's blocks run in order, in a folder that is empty at first, as a reader's: ``python`` in one namespace,
-``console`` by the command itself, with ``…`` for anything in what it prints; ``toml`` is read. The line
-``<!-- study -->`` above a block keeps it and those below it for ``make study``; ``<!-- not run -->`` leaves one out.
+A page's blocks run in order, in a folder that is empty at first, as a reader's: ``python`` in one namespace, in
+double precision only if the page switches it on; ``console`` by the command itself, with ``…`` for anything in what it
+prints; ``toml`` is read. The line ``<!-- study -->`` above a block keeps it and those below it for ``make study``;
+``<!-- not run -->`` leaves one out.
 """
 
 import contextlib
@@ -10,10 +11,13 @@ import io
 import re
 import shlex
 import tomllib
+import warnings
 from pathlib import Path
 
+import jax
 import pytest
 
+from identify.floating_point import PrecisionWarning
 from uq.cli.main import main
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -74,14 +78,27 @@ def assert_printed(expected, printed, where):
         assert any(re.fullmatch(pattern, other) for other in lines), f"{where}: not printed: {line}\n\n{printed}"
 
 
+def run_python(code, names, *, double):
+    """Run code of a page in its reader's precision and return it afterwards; float32 by mistake is an error."""
+    jax.config.update("jax_enable_x64", double)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", PrecisionWarning)
+            exec(code, names)
+        return jax.config.jax_enable_x64
+    finally:
+        jax.config.update("jax_enable_x64", True)
+
+
 def run(page, *, study):
-    names = {"__name__": "page"}
+    names, double = {"__name__": "page"}, False
     for kind, line, code in blocks(page, study=study):
         where = f"docs/{page}:{line}"
         if kind == "toml":
             tomllib.loads(code)
         elif kind == "python":
-            exec(compile("\n" * line + code, str(DOCS / page), "exec"), names)
+            compiled = compile("\n" * line + code, str(DOCS / page), "exec")
+            double = run_python(compiled, names, double=double)
         else:
             for words, expected in session(code):
                 status, printed = command(words)
