@@ -47,7 +47,7 @@ class GrowingColumn:
 
     @property
     def values(self) -> NDArray:
-        """The rows that were appended so far."""
+        """The rows that were appended so far, to be used before more are: ``extend`` moves them."""
         return self._rows[: self.count]
 
 
