@@ -119,6 +119,14 @@ def few_draws():
         yield
 
 
+@pytest.fixture(scope="module")
+def undrawn():
+    """Recorded runs without draws of their declared sources, which JAX compiles anew for each list of sources."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("uq.identification.identify_files.with_declared_sources", lambda result, *_, **__: result)
+        yield
+
+
 @pytest.fixture
 def unjudged(monkeypatch):
     """Estimates without the check of the model, most of their time: for repeats of clean runs, where intervals are tested."""

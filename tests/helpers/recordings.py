@@ -1,7 +1,7 @@
 """Simulated runs written to files in whatever way a rig might record them."""
 
-import dataclasses
 import json
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from rig.channels import ImuChannel, WrenchChannel
 START = 1_700_000_000_000_000_000
 
 
-@dataclasses.dataclass
+@dataclass
 class Signals:
     """Force and moment on the body at Q, angular velocity and specific force at Q, all in B, at common instants."""
 
@@ -25,6 +25,12 @@ class Signals:
     def of(cls, simulated):
         run = simulated.run
         return cls(run.t, run.force, run.moment, run.omega, simulated.specific_force)
+
+
+def silenced(experiment, *targets):
+    """The experiment with errors of size zero, of all or of these targets: the same sources, so that nothing is compiled anew."""
+    sources = [replace(s, sigma=0 * s.sigma) if not targets or s.target in targets else s for s in experiment.sources]
+    return replace(experiment, sources=tuple(sources))
 
 
 def write(path, signals, *, metadata=None, every=1, stamped=True, late=None, sequence=None):
@@ -49,4 +55,4 @@ def declare(experiment, *, estimator="smoothed", sources=None, **recording):
     document = dict(experiment.document) | {"recording": {"estimator": estimator} | recording}
     fresh = type(experiment).from_dict(document)
     kept = experiment.sources if sources is None else sources
-    return dataclasses.replace(fresh, sources=kept, trajectories=experiment.trajectories)
+    return replace(fresh, sources=kept, trajectories=experiment.trajectories)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import uq.cli.design as command
-from identify.motion.leg_limits import needs
+from identify.motion.limit_peaks import Peak
 from identify.motion.multisine import Multisine
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.principal_axes import principal
@@ -29,12 +29,14 @@ from uq.motion_design.hexapod.design_bound import DesignBound
 from uq.motion_design.hexapod.design_report import design_report
 from uq.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
 from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory
-from uq.motion_design.hexapod.rig_limits import efforts, uses
 from uq.report.figures.platform_scene import cuboid
 
 pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
 SECONDS = 20.0
+LIMITS = {
+    "length": ["0.45 m", "0.7 m"], "speed": "1 m/s", "acceleration": "9 m/s^2", "force": "500 N", "bandwidth": "2 Hz",
+}  # fmt: skip
 BOUND = DesignBound(1e-3, 0.5e-3, ("ramps take no time",))
 
 
@@ -44,7 +46,7 @@ def document(preset):
     content = dict(preset.document)
     content["trajectory"] = {name: {**content["trajectory"][name], **short} for name in ("T1", "T2")}
     content["platform"] = {
-        **content["platform"], "geometry": "assumed-source-size", "limits": {"needs_of": "T1", "bandwidth": "2 Hz"},
+        **content["platform"], "geometry": "assumed-source-size", "limits": LIMITS,
     }  # fmt: skip
     return content
 
@@ -54,15 +56,14 @@ def design(preset):
     """A motion as a search might find it."""
     experiment = Experiment.from_dict(document(preset))
     given = experiment.trajectories["T1"]
-    limits = needs(efforts(experiment, given, 50.0))._replace(bandwidth=2.0)
     amplitudes = np.random.default_rng(2).normal(size=(2, 6, 3)) * np.repeat([0.001, 0.02], 3)[:, None]
     motion = Multisine(np.array([0.6, 1.0, 1.6]), *amplitudes, np.array(SECONDS), np.array(3.0))
     spec = dataclasses.replace(given, still="omb", trajectory=motion)
-    used = uses(experiment, spec, limits, 50.0)
+    used = [Peak(name, share, 0, "leg 1", 9.0) for name, share in zip(("speed", "force"), (0.98, 0.4), strict=True)]
     reference = PredictedTrajectory(given, np.full(6, -2e-4), (2e-3 / 3) ** 2 * np.eye(6))
     return Design(
         spec=spec, mean_error=np.full(6, -1e-4), covariance=(1e-3 / 3) ** 2 * np.eye(6), experiment=experiment,
-        reference=reference, limits=limits, bound=BOUND, peaks=used, starts=[Start(0.7, 0.0, 9)], band=2.0,
+        reference=reference, limits=experiment.limits.figures, bound=BOUND, peaks=used, starts=[Start(0.7, 0.0, 9)], band=2.0,
     )  # fmt: skip
 
 
@@ -326,7 +327,7 @@ def test_bad_options(preset, tmp_path, capsys, options, message):
 
 def test_a_rate_too_low_is_refused_before_the_search(preset, tmp_path, capsys):
     content = document(preset)
-    content["platform"]["limits"] = {"needs_of": "T1", "bandwidth": "5 Hz"}
+    content["platform"]["limits"] = {**LIMITS, "bandwidth": "5 Hz"}
     (tmp_path / "e.toml").write_text(toml_text(content))
     assert main(["design", str(tmp_path / "e.toml")]) == 2
     said = capsys.readouterr().err

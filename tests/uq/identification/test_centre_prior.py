@@ -18,7 +18,7 @@ from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tare_files
 
-pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
+pytestmark = pytest.mark.usefixtures("undrawn", "unjudged")
 
 POSES = SHORT + "\n[poses]\n"
 

@@ -26,6 +26,7 @@ from uq.coverage.expanded_uncertainty import of_tensor
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import Report
+from uq.identification import identify_files as identify_module
 from uq.identification.identify_files import identify_files
 from uq.identification.tare import tared
 from uq.report.certificate import checks
@@ -331,8 +332,9 @@ def test_what_is_missing_is_not_stated(plain):
     assert "accredit" not in " ".join(text).lower().replace("no accreditation is claimed", "")
 
 
-@pytest.mark.usefixtures("blank_pictures")
-def test_warnings_of_dates_reach_result_and_page(runs):
+@pytest.mark.usefixtures("blank_pictures", "unjudged")
+def test_warnings_of_dates_reach_result_and_page(runs, monkeypatch):
+    monkeypatch.setattr(identify_module, "with_declared_sources", lambda result, *_, **__: result)
     document = tomllib.loads(T1 + FULL)
     document["report"]["instrument"][0]["due"] = "2026-03-01"
     result = identify_files([runs / "run-0.mcap"], Experiment.from_dict(document))
@@ -352,8 +354,10 @@ group = "imu"
 """
 
 
+@pytest.mark.usefixtures("unjudged")
 @pytest.mark.parametrize(("kind", "unit", "left"), [("misalignment", "rad", "in time"), ("delay", "s", "in frame")])
-def test_what_is_declared_is_not_assumed_away(runs, kind, unit, left):
+def test_what_is_declared_is_not_assumed_away(runs, kind, unit, left, monkeypatch):
+    monkeypatch.setattr(identify_module, "with_declared_sources", lambda result, *_, **__: result)
     source = TURNED.replace("KIND", kind).replace("UNIT", unit)
     result = identify_files([runs / "run-0.mcap"], Experiment.from_dict(tomllib.loads(T1 + source)))
     assert [text for text in result.assumptions if "aligned" in text] == [f"load cell and IMU are aligned {left}"]

@@ -16,7 +16,7 @@ from uq.files.toml_text import toml_text
 from uq.report.certificate.certificate import Certificate
 from uq.report.certificate.tables import discordance
 
-pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
+pytestmark = pytest.mark.usefixtures("undrawn", "unjudged")
 
 RANGE = (0.03, 0.03, 0.03)
 """Scale of a gyro that was set to another range [part]: it moves the large moments by 11 g·m²."""

@@ -11,19 +11,12 @@ from identify.floating_point import PrecisionWarning
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
+from tests.helpers.recordings import silenced
 from uq.campaign.campaign import montecarlo
 from uq.campaign.simulation import simulate
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)
 FILTERED = EstimatorSpec("filtered", "central", lowpass=4.0)
-
-
-def without(experiment, *targets):
-    return dataclasses.replace(experiment, sources=tuple(s for s in experiment.sources if s.target not in targets))
-
-
-def silent(experiment):
-    return dataclasses.replace(experiment, sources=())
 
 
 @pytest.mark.parametrize(
@@ -34,7 +27,7 @@ def silent(experiment):
     ],
 )  # fmt: skip
 def test_a_silent_run_gives_the_tensor(short, name, estimator):
-    result = identify(simulate(silent(short), name).run, r_cg=short.r_cg_from_q, estimator=estimator)
+    result = identify(simulate(silenced(short), name).run, r_cg=short.r_cg_from_q, estimator=estimator)
     # a smoother's gain holds within 1e-4 over its band; the ramps of a short run reach a little beyond it
     np.testing.assert_allclose(result.inertia, short.inertia, atol=3e-4 * short.inertia.max())
     assert np.abs(result.inertia - result.bias - short.inertia).max() < 1e-4 * short.inertia.max()
@@ -42,14 +35,14 @@ def test_a_silent_run_gives_the_tensor(short, name, estimator):
 
 def test_a_filter_on_both_sides_changes_nothing_but_the_central_differences_gain(short, unjudged):
     """Behind the filter each side is smoothed alike, so the error stays that of the central difference: (Ω dt)²/6."""
-    result = identify(simulate(silent(short), "T1").run, r_cg=short.r_cg_from_q, estimator=FILTERED)
+    result = identify(simulate(silenced(short), "T1").run, r_cg=short.r_cg_from_q, estimator=FILTERED)
     relative = (result.inertia / np.where(short.inertia == 0, 1, short.inertia))[[0, 3, 5]] - 1
     np.testing.assert_allclose(relative, (4 / 0.425 / 400) ** 2 / 6, rtol=0.1)
 
 
 @pytest.mark.parametrize("estimator", [SMOOTHED, FILTERED])
 def test_offsets_are_removed_where_asked_and_only_there(short, estimator, unjudged):
-    run = simulate(silent(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     shifted = dataclasses.replace(run, force=run.force + [2.0, -1.0, 3.0], moment=run.moment + [0.7, -0.4, 0.5])
     options = {"r_cg": short.r_cg_from_q, "estimator": estimator}
     reference = identify(run, offsets="estimate", **options)
@@ -91,7 +84,7 @@ def test_intervals_cover_the_truth(short, estimator, runs, unjudged):
 
 def test_the_centre_of_gravitys_uncertainty_is_propagated(short, unjudged):
     """The spread over drawn centres is the stated part of the uncertainty: linear, so to rounding of 400 draws."""
-    run = simulate(silent(short), "T2").run
+    run = simulate(silenced(short), "T2").run
     sigma = 10 * short.sigma_r_cg
     stated = identify(run, r_cg=short.r_cg_from_q, sigma_r_cg=sigma, estimator=SMOOTHED)
     plus = [identify(run, r_cg=short.r_cg_from_q + s, estimator=SMOOTHED).inertia for s in np.diag(sigma)]
@@ -124,17 +117,17 @@ def test_the_stated_bias_is_the_monte_carlos_mean_error(short):
 )
 def test_the_stated_bias_holds_the_differentiators_gain(short, rate, lowpass, unjudged):
     """Central differences of a silent run: what they lack is known from their gain, and said."""
-    spec = dataclasses.replace(short.trajectories["T1"], rate=rate)
-    slow = dataclasses.replace(silent(short), trajectories={"T1": spec})
+    run, every = simulate(silenced(short), "T1").run, round(400 / rate)
+    run = Run.from_arrays(*(values[::every] for values in (run.t, run.force, run.moment, run.omega)))
     central = EstimatorSpec("central", "central", lowpass=lowpass)
-    result = identify(simulate(slow).run, r_cg=short.r_cg_from_q, estimator=central)
+    result = identify(run, r_cg=short.r_cg_from_q, estimator=central)
     error = (result.inertia - short.inertia)[[0, 3, 5]]
     np.testing.assert_allclose(result.bias[[0, 3, 5]], error, rtol=0.1)
 
 
 def test_a_gap_costs_samples_and_not_the_answer(short):
     """Without 2 s of angular velocity the answer stays within its uncertainty; nothing is made up for them."""
-    run = simulate(without(short, "r_cg"), "T1").run
+    run = simulate(silenced(short, "r_cg"), "T1").run
     keep = (run.t < 8) | (run.t > 10)
     gapped = Run.from_channels(run.t, run.force, run.moment, run.t[keep], run.omega[keep])
     whole, cut = (identify(r, r_cg=short.r_cg_from_q, estimator=SMOOTHED) for r in (run, gapped))
@@ -168,11 +161,11 @@ def test_runs_of_one_name_are_kept_apart(short, unjudged):
 )
 def test_numbers_that_cannot_be_are_refused(short, options, words):
     with pytest.raises(RunError, match=words):
-        identify(simulate(silent(short), "T1").run, **options)
+        identify(simulate(silenced(short), "T1").run, **options)
 
 
 def test_a_still_run_and_a_brief_one_are_refused(short):
-    run = simulate(silent(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     still = dataclasses.replace(run, omega=0 * run.omega)
     with pytest.raises(RunError, match="does not identify I11, I12, I13, I22, I23, I33"):
         identify(still, r_cg=(0, 0, 0), estimator=SMOOTHED)
@@ -187,7 +180,7 @@ def test_an_estimator_that_cannot_be_is_refused(wrong):
 
 
 def test_runs_about_one_axis_each_identify_together(short, unjudged):
-    run = simulate(silent(short), "T3").run
+    run = simulate(silenced(short), "T3").run
     segment = run.t[-1] / 3
     segments = [run.between(k * segment, (k + 1) * segment) for k in range(3)]
     for segment_run, blind in zip(segments, ("I22, I23, I33", "I11, I13, I33", "I11, I12, I22"), strict=True):
@@ -200,14 +193,14 @@ def test_runs_about_one_axis_each_identify_together(short, unjudged):
 
 
 def test_noise_in_the_unexcited_axes_does_not_pass_for_excitation(short, unjudged):
-    run = simulate(without(short, "r_cg"), "T3").run
+    run = simulate(silenced(short, "r_cg"), "T3").run
     result = identify(run.between(0.0, run.t[-1] / 3), r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert result.admissible is not None
     np.testing.assert_array_equal(result.admissible.determined, [True, True, True, False, False, False])
 
 
 def test_several_runs_tell_more_and_their_scatter_counts(short, unjudged):
-    runs = [simulate(without(short, "r_cg"), "T1", trial=k).run for k in range(5)]
+    runs = [simulate(silenced(short, "r_cg"), "T1", trial=k).run for k in range(5)]
     single = identify(runs[0], r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     five = identify(runs, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert (five.standard_uncertainty < single.standard_uncertainty).all()
@@ -220,7 +213,7 @@ def test_several_runs_tell_more_and_their_scatter_counts(short, unjudged):
 
 
 def test_a_tensor_that_no_body_has_is_called_so(short):
-    run = simulate(silent(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     reversed_sign = dataclasses.replace(run, force=-run.force, moment=-run.moment)
     result = identify(reversed_sign, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert any("no mass distribution has this tensor" in text for text in result.warnings)
@@ -254,7 +247,7 @@ def test_the_result_is_the_contract(short):
 
 
 def test_too_short_too_slow_and_no_runs_are_refused(short):
-    run = simulate(silent(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     with pytest.raises(RunError, match="no runs"):
         identify([], r_cg=(0, 0, 0))
     with pytest.raises(RunError, match="fewer than the 41 that estimator 'smoothed' needs at 400 Hz"):
@@ -264,7 +257,7 @@ def test_too_short_too_slow_and_no_runs_are_refused(short):
 
 
 def test_without_float64_it_warns_also_in_the_result(short):
-    run = simulate(silent(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     with jax.enable_x64(False), pytest.warns(PrecisionWarning, match="JAX's float64 is off"):
         result = identify(run, r_cg=short.r_cg_from_q, estimator=SMOOTHED)
     assert "computed in float32" in result.warnings[0]

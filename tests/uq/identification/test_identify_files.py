@@ -9,14 +9,14 @@ from scipy.spatial.transform import Rotation
 
 from identify.signals.differentiate import matched
 from identify.signals.run import RunError
-from tests.helpers.recordings import Signals, about, declare, write
+from tests.helpers.recordings import Signals, about, declare, silenced, write
 from tests.helpers.scene import record
 from uq.campaign.simulation import simulate
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run
 from uq.recorded.time_window import TimeWindow
 
-pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
+pytestmark = pytest.mark.usefixtures("undrawn", "unjudged")
 study = partial(pytest.param, marks=pytest.mark.study)
 
 MOMENTS = [0, 3, 5]
@@ -157,7 +157,7 @@ def fine(short):
     """T1 at 1 kHz: noisy, and without any error."""
     spec = dataclasses.replace(short.trajectories["T1"], rate=1000.0)
     noisy = dataclasses.replace(short, trajectories={"T1": spec})
-    silent = dataclasses.replace(noisy, sources=())
+    silent = silenced(noisy)
     return Signals.of(simulate(noisy, "T1")), Signals.of(simulate(silent, "T1"))
 
 
@@ -378,7 +378,7 @@ def test_without_an_accelerometer_a_level_rest_will_do_and_a_tilted_one_will_not
     bare = dataclasses.replace(signals, specific_force=0 * signals.force, moment=signals.moment - OFFSETS[1])
     with pytest.raises(RunError, match=r"is that of a body tilted by [\d.]+ deg, or an offset: .* an accelerometer"):
         identify_files([write(folder / "bare.mcap", bare)], declare(short, **declared))
-    run = simulate(dataclasses.replace(short, sources=()), "T1")
+    run = simulate(silenced(short), "T1")
     rest = np.repeat([0], 1600)
     index = np.r_[rest, : len(run.run.t)]
     weight = np.array(short.mass * short.gravity) * run.rotation[index][:, 2, :]

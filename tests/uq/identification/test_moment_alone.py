@@ -12,6 +12,7 @@ from identify.identification import identify
 from identify.rigid_body.inertia import pack
 from identify.signals.run import Run
 from tests.helpers import posed_runs
+from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
 
 SIGMA = {"force": 0.1 * np.array([5.0, 5, 10]), "moment": 0.1 * np.array([0.38, 0.46, 0.46]), "omega": np.full(3, 4e-4)}
@@ -20,7 +21,7 @@ SIGMA = {"force": 0.1 * np.array([5.0, 5, 10]), "moment": 0.1 * np.array([0.38, 
 
 @pytest.fixture(scope="module")
 def silent(short):
-    return simulate(dataclasses.replace(short, sources=()), "T1")
+    return simulate(silenced(short), "T1")
 
 
 def noisy(run, seed, scale=1.0):

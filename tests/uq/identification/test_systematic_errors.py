@@ -12,6 +12,7 @@ import pytest
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Rest, RunError
+from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
@@ -117,7 +118,7 @@ def test_each_source_disperses_as_its_derivatives_say(which, silent, request):
 def test_the_centre_of_gravity_is_counted_once(short):
     """Its part of a result's covariance is the derivative's before, the draws' after: the same to the draws' 3 %."""
     experiment = only(short, *(s for s in short.sources if s.target == "r_cg"))
-    run = simulate(only(short), "T2").run
+    run = simulate(silenced(short), "T2").run
     before = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
     after = with_declared_sources(before, [run], experiment)
     known = before.diagnostics["standard_uncertainty_from_cg"]
@@ -135,7 +136,7 @@ def test_the_centre_of_gravity_is_counted_once(short):
 def test_behind_a_filter_and_from_rest_a_gain_acts_as_on_the_samples(short, estimator):
     """Samples and rest of a run multiplied by hand, against the sums: a gain of the load cell and one of the gyro."""
     spec = short.estimator(estimator) if isinstance(estimator, str) else estimator
-    run = simulate(only(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     force = np.array([3.0, -1, 195])
     rest = Rest(force, np.cross(short.r_cg_from_q, force), np.zeros((6, 6)), 4.0)
     run = dataclasses.replace(run, rest=rest)
@@ -157,7 +158,7 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
     """A gain that is 3 % too high by declaration: the estimate stays, its bias says so, the interval holds the truth."""
     known = dataclasses.replace(SCALE, mean=np.full(3, 0.03), sigma=np.full(3, 0.001), shape=Normal(0.0, 1.0))
     experiment = only(short, known)
-    run = simulate(only(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     run = dataclasses.replace(run, moment=1.03 * run.moment)
     result = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
     wide = with_declared_sources(result, [run], experiment)
@@ -178,7 +179,7 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
 def test_an_expected_delay_is_a_bias_however_well_it_is_known(short, sigma):
     """Of 20 ms, eight samples: the angular velocity of earlier ones, identified, against the mean of the draws."""
     late = Source("late", "omega", "delay", "imu", np.array(sigma), mean=np.array(0.02))
-    run = simulate(only(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     inner = {name: getattr(run, name)[8:] for name in ("t", "force", "moment")}
     prompt, delayed = (dataclasses.replace(run, **inner, omega=omega) for omega in (run.omega[8:], run.omega[:-8]))
     result, other = (
@@ -191,7 +192,7 @@ def test_an_expected_delay_is_a_bias_however_well_it_is_known(short, sigma):
 
 def test_a_delay_that_takes_the_run_is_refused(short):
     late = Source("late", "omega", "delay", "imu", np.array(2.0))
-    run = simulate(only(short), "T1").run
+    run = simulate(silenced(short), "T1").run
     result = identified(short, run, "estimate", estimator=short.estimator("smoothed"))
     with pytest.raises(RunError, match="takes more than half of simulated T1: record for longer, or declare"):
         with_declared_sources(result, [run], only(short, late))
@@ -232,7 +233,7 @@ def test_intervals_cover_with_noise_and_constant_errors(constant, few, runs, tri
 def test_draws_without_a_solution_are_counted_and_left_out(short, monkeypatch):
     """Where every tenth trial's estimate is NaN, what the others say is stated, with a warning; most of them say nothing."""
     experiment = only(short, *(s for s in short.sources if s.target == "r_cg"))
-    run = simulate(only(short), "T2").run
+    run = simulate(silenced(short), "T2").run
     before = identified(experiment, run, "estimate", estimator=short.estimator("smoothed"))
 
     def some_fail(*arguments, **options):
@@ -242,10 +243,12 @@ def test_draws_without_a_solution_are_counted_and_left_out(short, monkeypatch):
 
     loop, step = systematic_errors.all_trials, 10
     monkeypatch.setattr(systematic_errors, "all_trials", some_fail)
-    after = with_declared_sources(before, [run], experiment, trials=500)
-    assert "50 of 500 draws of the declared sources leave no solution: they are left out" in after.warnings
+    after = with_declared_sources(before, [run], experiment)
+    assert "1,000 of 10,000 draws of the declared sources leave no solution: they are left out" in after.warnings
     assert np.isfinite(after.interval95).all()
     assert (after.budget["r_cg"] > 0).any()
     step = 1
-    with pytest.raises(RunError, match="500 of 500 draws of the declared sources leave no solution: state smaller"):
-        with_declared_sources(before, [run], experiment, trials=500)
+    with pytest.raises(
+        RunError, match="10,000 of 10,000 draws of the declared sources leave no solution: state smaller"
+    ):
+        with_declared_sources(before, [run], experiment)

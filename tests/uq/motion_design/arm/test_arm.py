@@ -14,10 +14,11 @@ from rig.exceptions import RigError
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.arm_limits import ArmLimits
+from uq.motion_design.arm.arm_limits import PIECE, ArmLimits
 from uq.motion_design.arm.clearance import Clearance
 from uq.motion_design.arm.mujoco_run import loaded_model
 from uq.motion_design.arm.predicted_payload import declared_noise
+from uq.motion_design.search import in_pieces
 
 mujoco = pytest.importorskip("mujoco")
 pinocchio = pytest.importorskip("pinocchio")
@@ -35,11 +36,6 @@ def arm(experiment):
     return Arm.of(experiment)
 
 
-@pytest.fixture(scope="module")
-def limits(experiment, arm):
-    return ArmLimits(experiment, arm, Clearance.of(arm))
-
-
 def test_wrench_and_efforts_are_mujocos(experiment, arm, generator):
     """MuJoCo reads the URDF itself; its sensors at Q and its inverse dynamics know nothing of ours."""
     rated = {"bandwidth": "3 Hz", "cell_force": ["100 N"] * 3, "cell_moment": ["100 N*m"] * 3}
@@ -48,7 +44,7 @@ def test_wrench_and_efforts_are_mujocos(experiment, arm, generator):
     model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)
     states = generator.normal(size=(3, 20, 6))
-    shares, _ = jax.jit(limits.looked_at)(JointStates(*map(jnp.asarray, states)))
+    shares, _ = in_pieces(limits.compiled, JointStates(*states), PIECE)
     for k in range(20):
         data.qpos[:], data.qvel[:], data.qacc[:] = states[:, k]
         mujoco.mj_inverse(model, data)
@@ -57,8 +53,8 @@ def test_wrench_and_efforts_are_mujocos(experiment, arm, generator):
         np.testing.assert_allclose(100 * shares["cell_moment"][k], np.abs(data.sensordata[3:]), atol=1e-8)
 
 
-def test_the_gaps_are_close_bounds_of_coals_distances(arm, limits, generator):
-    clearance = limits.clearance
+def test_the_gaps_are_close_bounds_of_coals_distances(arm, generator):
+    clearance = Clearance.of(arm)
     data, found = arm.model.createData(), clearance.geometry.createData()
     positions = generator.uniform(-2.5, 2.5, size=(60, 6))
     bounds = np.asarray(jax.jit(jax.vmap(clearance.gaps))(jnp.asarray(positions)))

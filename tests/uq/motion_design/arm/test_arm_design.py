@@ -24,7 +24,7 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
-from uq.motion_design.arm.arm_design import design_arm, goal_function
+from uq.motion_design.arm.arm_design import design_arm, goal_function, random_series
 from uq.motion_design.arm.arm_report import arm_report, joint_files
 from uq.motion_design.arm.largest_motion import largest_size
 from uq.motion_design.arm.mujoco_run import simulated
@@ -47,6 +47,15 @@ def experiment():
 
 @pytest.fixture(scope="module")
 def design(experiment):
+    """Another random series in the place of the search, whose gradient takes twenty seconds to compile."""
+    other = lambda search, *_, seed, **__: (random_series(search, 1, seed + 1), [(1.0, 0.0)])  # noqa: E731
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(arm_design, "searched", other)
+        return design_arm(experiment, duration=8.0, period=2.0, ramp=1.0, random=1)
+
+
+@pytest.fixture(scope="module")
+def searched(experiment):
     """Searched on one grid alone: to compile another takes longer than all the rest."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arm_design, "CYCLES", 0)
@@ -74,8 +83,10 @@ def test_a_motion_is_written_before_it_is_simulated(design, tmp_path, capsys, mo
     assert (tmp_path / "out" / "rehearsal.joint_trajectory.yaml").exists()
 
 
-def test_no_limit_is_exceeded_on_a_finer_grid(design):
+@pytest.mark.parametrize("found", ["design", pytest.param("searched", marks=pytest.mark.slow)])
+def test_no_limit_is_exceeded_on_a_finer_grid(found, request):
     """Ten times finer than the search's grid of ten instants a period, over the whole run; torques by Pinocchio."""
+    design = request.getfixturevalue(found)
     arm, body = design.limits.arm, design.experiment.body
     t = np.linspace(0, 8, 8 * 15 * 10 + 1)
     q, speed, acceleration = map(np.asarray, design.designed.series.states(t))
@@ -102,7 +113,9 @@ def test_no_limit_is_exceeded_on_a_finer_grid(design):
     assert design.designed.peaks[0].share > 0.97, design.designed.peaks[0]  # the limits are used
 
 
-def test_the_design_beats_common_practice(design):
+@pytest.mark.slow
+def test_the_design_beats_common_practice(searched):
+    design = searched
     averages = {name: candidate.averages for name, candidate in design.motions.items()}
     for what in ("moments", "products"):
         assert averages["designed"][what] < 0.8 * averages["random"][what]

@@ -132,6 +132,7 @@ def test_what_cannot_be_read_is_said_before_the_search(mesh, content, message, t
 def test_mujoco_is_asked_before_the_search(tmp_path, capsys, monkeypatch):
     """A flat mesh has no volume, which MuJoCo refuses and Coal does not."""
     monkeypatch.setattr(arm_design, "random_series", lambda *_: pytest.fail("searched"))
+    monkeypatch.setattr(arm_design, "ArmLimits", lambda *_: None)  # which takes seconds to compile
     flat = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
     (tmp_path / "link.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in flat) + "f 1 2 3\n")
     assert main(["design", str(write(tmp_path, '<mesh filename="link.obj"/>'))]) == 2

@@ -19,7 +19,8 @@ from uq.motion_design.hexapod.design import Design, design
 from uq.motion_design.hexapod.design_bound import RELAXED, design_bound
 from uq.motion_design.hexapod.design_search import Search, attenuation
 from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory, differentiator, scaled, stretched
-from uq.motion_design.hexapod.rig_limits import efforts, largest_size, resolved_limits, uses
+from uq.motion_design.hexapod.rig_limits import largest_size, resolved_limits, uses
+from uq.motion_design.search import in_pieces
 from uq.propagation.prediction import predicted
 
 
@@ -143,13 +144,19 @@ def test_limits_are_the_needs_where_none_are_declared(preset, given):
     np.testing.assert_allclose([peak.share for peak in listed], 1, rtol=1e-12)
 
 
-def test_pieces_are_put_together(given, monkeypatch):
-    whole = efforts(given, given.trajectories["T1"], 20.0)
-    monkeypatch.setattr("uq.motion_design.hexapod.rig_limits.PIECE", 150)
-    for one, other in zip(
-        jax.tree.leaves(efforts(given, given.trajectories["T1"], 20.0)), jax.tree.leaves(whole), strict=True
-    ):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+@pytest.mark.parametrize("count", [1, 149, 150, 401])
+def test_pieces_are_put_together(count, generator):
+    motion = {"pose": generator.normal(size=(count, 3, 3)), "t": np.arange(float(count))}
+    sizes = []
+
+    def function(piece):
+        sizes.append(len(piece["t"]))
+        return {"turned": np.asarray(piece["pose"])[:, ::-1], "late": 2 * np.asarray(piece["t"])}
+
+    found = in_pieces(function, motion, 150)
+    np.testing.assert_array_equal(found["turned"], motion["pose"][:, ::-1])
+    np.testing.assert_array_equal(found["late"], 2 * motion["t"])
+    assert set(sizes) == {150}
 
 
 def test_the_largest_size_just_meets_the_limits(given):
