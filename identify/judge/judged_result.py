@@ -61,6 +61,11 @@ Prior: wider than any rig.
 """
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
+MOST_PERIODS = 5_000
+"""Periods of the motion's highest frequency behind which a run is no longer judged.
+
+Choice: half an hour of a motion up to 2.5 Hz; half a gigabyte of memory.
+"""
 ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
 
 
@@ -271,7 +276,10 @@ def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, prob
 
 
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
-    """Return the run in its band; None: it is too short."""
+    """Return the run in its band, the first :data:`MOST_PERIODS` of it; None: it is too short."""
+    longest = MOST_PERIODS / problem.band
+    if run.t[-1] - run.t[0] > longest:
+        run = run.between(run.t[0], run.t[0] + longest)
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)

@@ -35,7 +35,7 @@ REMARKS = {
 }
 """Remarks beside a figure, apart from the names of shapes."""
 READING = re.compile(rf"({NUMBER})\s*%\s*(?:of\s+)?(?:the\s+)?(?:reading|measured value|value|RD)", re.I)
-EXAMPLES = "'±0.5 % of full scale, k = 2', '0.1 % FS', 'accuracy ±2 N', '±2 N, 95 %', 'resolution 0.01 N'"
+EXAMPLES = "'0.1 % FS, k = 2', 'accuracy ±2 N', '±2 N, 95 %'"
 
 
 def datasheet(

@@ -53,7 +53,8 @@ class ReadingBar(TerminalBar):
         super().__init__(unit="MB", lines=True)
 
     def watch(self, path: str | os.PathLike[str], position: int, size: int) -> None:
-        """Show how much of a file is read, until it is read."""
+        """Show how much of a file is read, until it is read; what follows takes as long."""
         self(f"reading {os.path.basename(path)}", position // 10**6, size // 10**6)
         if position >= size:
             self.close()
+            say(f"{os.path.basename(path)} is read; computing, which may take several times as long")

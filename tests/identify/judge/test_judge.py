@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from identify.exceptions import RunError
+from identify.judge import judged_result
 from identify.judge.findings import Finding
 from identify.judge.resonance import saturated
 from tests.helpers.laboratory import measure
@@ -57,6 +58,13 @@ def test_a_trouble_is_named_and_covered(method, trouble, size, name):
     half = np.ptp(result.interval95, axis=1) / 2
     assert (np.abs(result.inertia - measured.truth) < 2 * half).all()
     np.testing.assert_array_equal(result.misfit is not None, True)
+
+
+def test_a_long_run_is_judged_by_its_first_part(monkeypatch):
+    """The body slips midway, behind the part that is judged."""
+    monkeypatch.setattr(judged_result, "MOST_PERIODS", 15)
+    result = identified(measure(3, **TROUBLES["slip"].options(6e-3, 3), **SHORT), "source")
+    assert "slip" not in {verdict.cause for verdict in result.consistency}
 
 
 @pytest.mark.parametrize(("mass", "frequency"), [(0.9, 4.0), (0.3, 1.5), (0.03, 1.5)])
