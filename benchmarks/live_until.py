@@ -14,7 +14,7 @@ import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from rig.bags.growing_file import GrowingFile
-from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.message_definitions import IMU, WRENCH
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.live import live_estimate

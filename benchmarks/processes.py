@@ -17,8 +17,7 @@ TRIALS = 100
 def worker(core: int, port: int, processes: int, process: int) -> None:
     """Run the campaign as one of the processes; the first prints the seconds."""
     os.sched_setaffinity(0, {core})
-    from uq.campaign.campaign import montecarlo
-    from uq.campaign.campaign_options import SamplingPlan
+    from uq.campaign.campaign import SamplingPlan, montecarlo
     from uq.experiment.experiment import Experiment
     from uq.terminal.common import start_jax
     from uq.trials import joined_processes as cluster

@@ -20,8 +20,7 @@ import numpy as np  # noqa: E402
 
 from identify.rounding import with_uncertainty  # noqa: E402
 from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.campaign import montecarlo  # noqa: E402
-from uq.campaign.campaign_options import SamplingPlan  # noqa: E402
+from uq.campaign.campaign import SamplingPlan, montecarlo  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 from uq.propagation.propagation_of_distributions import propagate_distributions  # noqa: E402
 from uq.sensitivity.sobol_shapley import Sensitivity, shapley, sobol  # noqa: E402

@@ -20,7 +20,7 @@ import numpy as np
 
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from rig.mcap.message_fields import IMU, JOINTS, WRENCH
+from rig.mcap.message_definitions import IMU, JOINTS, WRENCH
 
 EXPERIMENT = Path(__file__).parent.parent / "uq" / "examples" / "t1-10s.toml"
 FACTS = ("samples", "missing", "reordered", "failures", "overflow_bytes", "complete", "clock_skew_ppm")

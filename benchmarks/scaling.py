@@ -19,8 +19,7 @@ import numpy as np
 
 from benchmarks.contenders import trials_of
 from identify.text_tables import text_table
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment, TrajectorySpec
 

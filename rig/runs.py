@@ -18,8 +18,8 @@ from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
 from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode, message_definitions
-from rig.mcap.message_fields import MOTIONS, WRENCHES
+from rig.mcap import cdr, message_definitions
+from rig.mcap.message_definitions import MOTIONS, WRENCHES
 from rig.mcap.records import seal
 from rig.mcap.writer import Compression, new_writer, register
 
@@ -141,7 +141,7 @@ def _check_lengths(channel: WrittenChannel) -> None:
 def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
     oriented = isinstance(channel, ImuChannel) and channel.orientation is not None
-    encode = cdr_encode.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
+    encode = cdr.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

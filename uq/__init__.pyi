@@ -2,9 +2,9 @@ from .barreto2016 import paper as paper
 from .bodies.comparison import compare as compare
 from .bodies.export import export as export
 from .bodies.reference import load_reference as load_reference
+from .campaign.campaign import RunOptions as RunOptions
+from .campaign.campaign import SamplingPlan as SamplingPlan
 from .campaign.campaign import montecarlo as montecarlo
-from .campaign.campaign_options import RunOptions as RunOptions
-from .campaign.campaign_options import SamplingPlan as SamplingPlan
 from .campaign.campaign_result import MonteCarloResult as MonteCarloResult
 from .campaign.simulation import simulate as simulate
 from .experiment.experiment import Experiment as Experiment

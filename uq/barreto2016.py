@@ -9,8 +9,7 @@ import numpy as np
 from identify.exceptions import explains_names
 from identify.reporting import Result
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import Statistics
 from uq.experiment.experiment import Experiment

@@ -14,8 +14,7 @@ import numpy as np
 from benchmarks.scaling import lasting
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rounding import with_uncertainty
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.campaign_result import MonteCarloResult, average
 from uq.experiment.experiment import Experiment
 

@@ -41,8 +41,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.power_spectrum import correlation_time, without_line
 from identify.signals.run import Run
-from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum
-from identify.sums.residual_trace import trace
+from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum, trace
 from identify.sums.row_products import products
 from identify.sums.run_lines import FORCE, MOTION, RunLines, run_lines
 

@@ -19,8 +19,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import response
 from identify.signals.power_spectrum import correlation_time, noise_level, welch
 from identify.signals.run import Run
-from identify.sums.residual_spectrum import Spectrum, leverage, spectrum
-from identify.sums.residual_trace import Trace, trace
+from identify.sums.residual_spectrum import Spectrum, Trace, leverage, spectrum, trace
 from identify.sums.run_lines import ACTING, FORCE, MOMENT, MOTION, RunLines, run_lines
 
 

@@ -24,7 +24,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import cross_matrix
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.sums.residual_trace import Trace, thinned, trace
+from identify.sums.residual_spectrum import Trace, thinned, trace
 
 FORCE_ASSUMPTION = {
     "still": "the centre of gravity stays where it is: the specific force is gravity's, through the gyro's attitude",

@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.estimators.offsets import Offsets, force_offset, uncertainty
 from identify.estimators.run_information import Information
-from identify.sums.residual_trace import Trace
+from identify.sums.residual_spectrum import Trace
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,8 +16,7 @@ from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
 from identify.signals.run import Run, RunError
-from identify.sums.residual_spectrum import Lines, blocks
-from identify.sums.residual_trace import thinned
+from identify.sums.residual_spectrum import Lines, blocks, thinned
 
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""

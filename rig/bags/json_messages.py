@@ -1,8 +1,8 @@
 """Messages that are trees of named fields, in JSON or protobuf: ROS types by their own field names, one by one.
 
 Such files are written by Foxglove's tools and bridges. A message of a known type has the fields of
-:mod:`rig.mcap.message_fields` by name: vectors as ``{"x": .., "y": .., "z": ..}`` or lists, stamps as ``header.stamp``
-or, in Foxglove's own schemas, ``timestamp`` and ``frame_id`` beside the rest.
+:mod:`rig.mcap.message_definitions` by name: vectors as ``{"x": .., "y": .., "z": ..}`` or lists, stamps as
+``header.stamp`` or, in Foxglove's own schemas, ``timestamp`` and ``frame_id`` beside the rest.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,8 +13,8 @@ from mcap.records import Channel, Schema
 
 from rig.bags.protobuf_messages import decoder
 from rig.exceptions import quoted
-from rig.mcap.cdr_decode import DecodedMessages
-from rig.mcap.message_fields import SHAPES, STAMPED, Field
+from rig.mcap.cdr import DecodedMessages
+from rig.mcap.message_definitions import SHAPES, STAMPED, Field
 from rig.mcap.records import message_at
 from rig.read_limits import parse_json
 

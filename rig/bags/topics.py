@@ -13,9 +13,9 @@ from rig.bags.containers import recording_files, recording_sha256
 from rig.bags.message_packing import ContainerFile, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
-from rig.mcap import cdr_decode, message_definitions
-from rig.mcap.cdr_decode import ENCODINGS, DecodedMessages
-from rig.mcap.message_fields import IMU, JOINTS, WRENCH, WRENCHES
+from rig.mcap import cdr, message_definitions
+from rig.mcap.cdr import ENCODINGS, DecodedMessages
+from rig.mcap.message_definitions import IMU, JOINTS, WRENCH, WRENCHES
 from rig.mcap.records import MESSAGE, Batch, Definitions
 from rig.read_limits import UnpackBudget, parse_json
 
@@ -247,7 +247,7 @@ def _decoded(
     data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
 ) -> list[DecodedMessages]:
     if channel.message_encoding in ENCODINGS:
-        return cdr_decode.decode(data, offsets, type_name, channel.message_encoding)
+        return cdr.decode(data, offsets, type_name, channel.message_encoding)
     try:
         return json_messages.decode(data, offsets, type_name, channel, definitions.schemas[channel.schema_id])
     except ValueError as error:

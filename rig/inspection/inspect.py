@@ -14,8 +14,7 @@ from rig.bags.topics import load
 from rig.channels import ImuChannel, WrenchChannel, counted_together
 from rig.exceptions import on_one_line
 from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
-from rig.mcap.message_definitions import IMU, WRENCH
-from rig.mcap.message_fields import MOTIONS, WRENCHES
+from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
 from rig.record import device_clock
 
 TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}

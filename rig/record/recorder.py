@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from rig.exceptions import RigError, cure
-from rig.mcap import cdr_encode, message_definitions
+from rig.mcap import cdr, message_definitions
 from rig.mcap.records import seal
 from rig.mcap.writer import new_writer, register
 from rig.record import command_delay, memory
@@ -196,7 +196,7 @@ class Recorder:
             channels, signal = self._outputs[name], self._signals.get(name)
             for event in self._session.events(source):
                 if event.data:
-                    self._add(self._raw[name], event.time, cdr_encode.encode_bytes(event.data))
+                    self._add(self._raw[name], event.time, cdr.encode_bytes(event.data))
                 for measurement in source.take(event):
                     self._write(channels, measurement)
                     if signal is not None:
@@ -204,7 +204,7 @@ class Recorder:
         self._report_troubles()
         while self._marks:
             time_, text = self._marks.popleft()
-            self._add(self._mark_channel, time_, cdr_encode.encode_text(text), self.summary.marks)
+            self._add(self._mark_channel, time_, cdr.encode_text(text), self.summary.marks)
             self.summary.marks += 1
 
     def _report_troubles(self) -> None:
@@ -212,7 +212,7 @@ class Recorder:
             while source.troubles:
                 text = source.troubles.pop(0)
                 self._say(text)
-                self._diagnose(time.monotonic_ns(), [(cdr_encode.WARN, source, text)])
+                self._diagnose(time.monotonic_ns(), [(cdr.WARN, source, text)])
 
     def _write(self, channels: list[OutputChannel], measurement: Measurement) -> None:
         arrival, stamp, number, values = measurement
@@ -222,14 +222,14 @@ class Recorder:
             self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 
     def _status(self, now: int) -> None:
-        levels = {"ok": cdr_encode.OK}
-        rows = [(levels.get(source.state, cdr_encode.ERROR), source, source.state) for source in self._session.sources]
+        levels = {"ok": cdr.OK}
+        rows = [(levels.get(source.state, cdr.ERROR), source, source.state) for source in self._session.sources]
         self._diagnose(now, rows)
 
     def _diagnose(self, now: int, rows: list[tuple[int, DeviceSource, str]]) -> None:
         """Write a status message of (level, device, text)."""
         statuses = [(level, source.entry.name, text, self._facts(source)) for level, source, text in rows]
-        self._add(self._status_channel, now, cdr_encode.encode_diagnostics(now + self._epoch, statuses))
+        self._add(self._status_channel, now, cdr.encode_diagnostics(now + self._epoch, statuses))
 
     def _add(self, channel: int, now: int, data: bytes, sequence: int = 0) -> None:
         """Write a message of this time [ns, monotonic]."""

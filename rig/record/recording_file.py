@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 from mcap.writer import Writer
 
 from rig.atomic_files import check_output
-from rig.mcap import cdr_encode, message_definitions
+from rig.mcap import cdr, message_definitions
 from rig.mcap.writer import register
 from rig.record.rig_file import DeviceEntry
 
@@ -23,7 +23,7 @@ class OutputChannel(NamedTuple):
     """A channel of the file, how its messages are made, and which numbers of a sample they hold."""
 
     channel: int
-    encode: cdr_encode.Encode
+    encode: cdr.Encode
     numbers: slice
 
 
@@ -33,7 +33,7 @@ def outputs(writer: Writer, entry: DeviceEntry) -> list[OutputChannel]:
     for channel, topic in zip(entry.device.channels, entry.topics, strict=True):
         stop = start + len(channel.signals)
         kind = TYPES[channel.measures]
-        encode = cdr_encode.encoder(kind, entry.frame_id, channel.names)
+        encode = cdr.encoder(kind, entry.frame_id, channel.names)
         announced.append(OutputChannel(register(writer, kind, topic), encode, slice(start, stop)))
         start = stop
     return announced

@@ -14,8 +14,7 @@ from identify.static.centre import centre
 from rig import runs
 from tests.helpers import bags
 from tests.helpers.pose_lab import GRAVITY, directions, wrench_of
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions
+from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.trials import checkpoint

@@ -14,7 +14,7 @@ import numpy as np
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from rig.mcap import message_definitions
-from rig.mcap.cdr_encode import encoder
+from rig.mcap.cdr import encoder
 from rig.mcap.writer import new_writer, register
 from rig.record.device_source import DeviceSource
 from rig.record.reader import Reader

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan
 from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
 from uq.sources.draws import draw_pairs, noise_streams

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from rig import runs
 from rig.channels import Recording
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode, message_definitions
+from rig.mcap import cdr, message_definitions
 from rig.mcap.writer import _SpooledIndexes, new_writer, register
 from tests.helpers.rig_samples import IMU_COLUMNS, SHARED, WRENCH_COLUMNS, assert_same, imu_channel, wrench_channel
 
@@ -162,8 +162,8 @@ def test_frames_of_changing_length_and_order_are_sorted_by_time(tmp_path):
         writer = new_writer(stream)
         number = register(writer, message_definitions.WRENCH, "/wrench")
         imu = register(writer, message_definitions.IMU, "/imu")
-        writer.add_message(imu, 0, cdr_encode.encoder(message_definitions.IMU, "x")(0, [0.0] * 6), 0)
-        little = cdr_encode.encoder(message_definitions.WRENCH, "f")
+        writer.add_message(imu, 0, cdr.encoder(message_definitions.IMU, "x")(0, [0.0] * 6), 0)
+        little = cdr.encoder(message_definitions.WRENCH, "f")
         for row, time in enumerate(times.tolist()):
             data = little(time, values[row])
             if row % 2:
@@ -289,7 +289,7 @@ def test_the_index_of_the_chunks_is_whole_and_small(tmp_path):
     with open(tmp_path / "run.mcap", "wb") as stream:
         writer = new_writer(stream)
         number = register(writer, message_definitions.WRENCH, "/wrench")
-        encode = cdr_encode.encoder(message_definitions.WRENCH, "body")
+        encode = cdr.encoder(message_definitions.WRENCH, "body")
         for time in range(1000):
             writer.add_message(number, time, encode(time, [0.0] * 6), time)
             writer.flush()

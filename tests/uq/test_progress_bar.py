@@ -4,8 +4,7 @@ import pytest
 import tqdm.auto
 
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions
+from uq.campaign.campaign import RunOptions, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.progress_bar import ProgressBar, progress_of
 

@@ -1,11 +1,11 @@
 """The Monte Carlo campaign: thousands of trials, batched, on every device; statistics of each case and estimator."""
 
 import numbers
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from jax import process_count
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
 from identify.signals.estimator_spec import EstimatorSpec
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from rig.exceptions import quoted
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.campaign.statistics import Breakdown, Statistics, breakdown
 from uq.campaign.trial_setup import setting_of, true_motions
@@ -23,12 +23,73 @@ from uq.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
 from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import code_digest, provenance
-from uq.progress_bar import progress_of
+from uq.progress_bar import Progress, progress_of
+from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint
-from uq.trials.chooser import Choice, engine_of
+from uq.trials.chooser import Choice, EngineName, engine_of
 from uq.trials.engine import Estimates, run_trials
 from uq.trials.joined_processes import agree, in_turn, meet
 from uq.trials.trial_loop import TrialLoop, trials_in
+
+LEAST_QUASI_RANDOM = 16 * REPLICATES
+"""Fewer trials are random: a replicate's dispersion would be hardly known."""
+
+ShownFigures = Callable[[str, int, Mapping[str, Breakdown[Statistics]]], None]
+"""Called with the trajectory's name, the trials done and the breakdowns by estimator."""
+
+
+@dataclass(frozen=True)
+class SamplingPlan:
+    """The way trials are drawn: on it their numbers depend, besides the seed and the experiment."""
+
+    engine: EngineName = "sums"
+    """``sums`` draws what the noise of all samples leaves in the sums that an estimate needs
+    (:mod:`uq.trials.sums_engine`); cases that sums do not tell are computed by samples (:mod:`uq.trials.chooser`).
+    ``samples`` draws every sample (:mod:`uq.trials.samples_engine`)."""
+    points: Points = "random"
+    """``quasi-random`` (:mod:`uq.sources.quasi_random`) for trials on sums in a number that is given, best 8 × 2^k."""
+    dtype: str = "float64"
+    """Precision of samples that are drawn, ``float64`` or ``float32``; sums over them have JAX's default precision."""
+    goal: Goal | None = None
+    """Run blocks of trials until estimate, standard uncertainty and coverage interval of every component, with all
+    sources together, are stable for every trajectory and estimator (:mod:`uq.coverage.adaptive_procedure`); None: the
+    number of trials is given."""
+
+    def check(self, trials: int) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ExperimentError: no such engine, points that cannot be, too few trials for the goal.
+        """
+        if self.engine not in get_args(EngineName):
+            raise ExperimentError(
+                f"unknown engine {quoted(self.engine)}: choose one of {', '.join(get_args(EngineName))}"
+            )
+        possible = self.engine == "sums" and self.goal is None and trials >= LEAST_QUASI_RANDOM
+        if self.points == "quasi-random" and not possible:
+            raise ExperimentError(
+                f"quasi-random trials are on sums, not adaptive, and {LEAST_QUASI_RANDOM} or more: leave points out"
+            )
+        if self.goal is not None and trials < 2 * self.goal.least_block:
+            raise ExperimentError(f"{trials} trials: an adaptive campaign needs {2 * self.goal.least_block} or more")
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of the run that change no number: devices, batches, a checkpoint, progress."""
+
+    devices: Sequence[jax.Device] | None = None
+    """Devices to spread the trials over; None for all."""
+    batch: int | None = None
+    """Trials that one device computes at a time; None for what suits the engine."""
+    checkpoint: Checkpoint | str | Path | None = None
+    """Folder that keeps what is done, so that the same call goes on where it was interrupted."""
+    progress: Progress | bool | None = None
+    """Called after each segment of trials; True: a bar."""
+    shown: ShownFigures | None = None
+    """Called as a trajectory's figures come: by samples early, after 200 trials, and when it is done; not if
+    adaptive."""
+
 
 TRIALS, MOST_TRIALS = 10_000, 1_000_000
 """Trials of a campaign, and the most of an adaptive one, unless they are given."""
@@ -45,8 +106,8 @@ def montecarlo(
     seed: int = 0,
     trajectories: str | Sequence[str] | None = None,
     estimators: str | Sequence[str] | None = None,
-    plan: SamplingPlan = SamplingPlan(),  # noqa: B008 - frozen
-    options: RunOptions = RunOptions(),  # noqa: B008 - frozen
+    plan: SamplingPlan = SamplingPlan(),
+    options: RunOptions = RunOptions(),
 ) -> MonteCarloResult:
     """Run the Monte Carlo of an experiment.
 

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from identify.reporting import Result
-from uq.campaign.campaign import MOST_TRIALS, TRIALS, montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError

@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import Mapping
 
 from uq.barreto2016 import paper
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
 from uq.terminal.command_parser import CommandParser

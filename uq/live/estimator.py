@@ -12,7 +12,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.bags.growing_file import GrowingFile
 from rig.channels import ImuChannel, WrenchChannel
-from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.message_definitions import IMU, WRENCH
 from rig.record.recorder import MEANING
 from rig.record.rig_file import Rig, load_rig
 from uq.experiment.experiment import Experiment, ExperimentError

@@ -21,7 +21,7 @@ from identify.signals.run import RunError
 from identify.signals.shaped_noise import ShapedNoise
 from rig import channels
 from rig.channels import ImuChannel, MotionChannel
-from rig.mcap.message_fields import JOINTS, POSE, TWIST
+from rig.mcap.message_definitions import JOINTS, POSE, TWIST
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.joint_kinematics import Chain
 

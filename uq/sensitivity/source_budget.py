@@ -64,7 +64,7 @@ def budget(
         seed: seed of every draw.
         trajectories: name or names of the trajectories; None for all.
         estimators: name or names of the estimators; None for all.
-        engine: ``"sums"``, or ``"samples"`` for every sample (:class:`uq.campaign.campaign_options.SamplingPlan`).
+        engine: ``"sums"``, or ``"samples"`` for every sample (:class:`uq.campaign.campaign.SamplingPlan`).
         dtype: precision of samples that are drawn, ``"float64"`` or ``"float32"``.
         batch: pairs that one device computes at a time; None for what suits the engine.
         devices: devices to spread the pairs over; None for all.

@@ -9,8 +9,7 @@ import numpy as np
 from identify.signals.run import RunError
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import on_one_line
-from rig.mcap.message_definitions import POSE
-from rig.mcap.message_fields import JOINTS
+from rig.mcap.message_definitions import JOINTS, POSE
 from rig.runs import write
 from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.mistakes import ExperimentError

@@ -7,7 +7,7 @@ from rig import runs
 from rig.bags import topics
 from rig.bags.growing_file import GrowingFile
 from rig.exceptions import RigError
-from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.message_definitions import IMU, WRENCH
 from tests.helpers.rig_samples import imu_channel, wrench_channel
 
 ALL = {WRENCH: None, IMU: None}

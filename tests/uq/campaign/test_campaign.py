@@ -16,8 +16,7 @@ from identify.rigid_body.regressor import omega_r
 from identify.signals.differentiate import gain
 from tests.helpers.gram_lab import accumulate
 from tests.helpers.source_lab import IN_FLOAT32, draw_block
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import prepare_engine, true_motion, true_motions

@@ -9,7 +9,7 @@ import pytest
 
 from rig import runs
 from rig.channels import MotionChannel
-from rig.mcap.message_fields import JOINTS
+from rig.mcap.message_definitions import JOINTS
 from tests.helpers import bags
 from uq.campaign.simulation import simulate
 from uq.cli.main import COMMANDS, main

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.files.compilation_cache import cache_folder, keep_compiled
 from uq.propagation.experiment_law import law, prepare_law

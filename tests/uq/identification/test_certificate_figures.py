@@ -5,7 +5,7 @@ import pytest
 
 from identify.results import measured_directions
 from identify.rounding import decimals, fixed
-from identify.sums.residual_trace import thinned, trace
+from identify.sums.residual_spectrum import thinned, trace
 from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal
 from uq.experiment.conformity import Conformity, decide
 

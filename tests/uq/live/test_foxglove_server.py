@@ -11,7 +11,7 @@ import pytest
 from mcap.records import Channel, Schema
 
 from rig.exceptions import RigError
-from rig.mcap import cdr_encode, message_definitions
+from rig.mcap import cdr, message_definitions
 from tests.helpers.foxglove_client import heard
 from uq.live.foxglove_server import FIGURES, HEAD, MOST, TOPIC, Viewer
 from uq.live.second_process import LAYOUT
@@ -22,7 +22,7 @@ def test_messages_pass_as_they_were_written():
     definition = message_definitions.DEFINITIONS[message_definitions.WRENCH].encode()
     schema = Schema(id=1, name=message_definitions.WRENCH, encoding="ros2msg", data=definition)
     channel = Channel(id=7, topic="/wrench", message_encoding="cdr", metadata={}, schema_id=1)
-    data = cdr_encode.encoder(message_definitions.WRENCH, "body")(123, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    data = cdr.encoder(message_definitions.WRENCH, "body")(123, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
 
     async def both():
         viewer.pass_on(channel, schema, 100, data)  # announces the channel

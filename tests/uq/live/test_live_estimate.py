@@ -9,7 +9,7 @@ import pytest
 from identify.identification import identify
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from rig.bags.growing_file import GrowingFile
-from rig.mcap.message_fields import IMU, WRENCH
+from rig.mcap.message_definitions import IMU, WRENCH
 from tests.helpers import recordings
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment

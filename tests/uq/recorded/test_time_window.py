@@ -11,7 +11,7 @@ from identify.signals.held_samples import held, repeats, saturated
 from identify.signals.run import Run, RunError
 from rig.bags import marks
 from rig.channels import ImuChannel, WrenchChannel
-from rig.mcap import cdr_encode
+from rig.mcap import cdr
 from rig.mcap.message_definitions import DIAGNOSTICS, TEXT
 from rig.mcap.writer import new_writer, register
 from tests.helpers.commands import refused
@@ -93,7 +93,7 @@ def marked(short, tmp_path_factory):
 
 def with_notes(path, signals, *, marks, flagged=(), apart=0):
     """Write the run with notes beside its samples; ``apart`` is the log's clock less the stamps' [ns]."""
-    from rig.mcap import cdr_encode
+    from rig.mcap import cdr
     from rig.mcap.message_definitions import IMU, WRENCH
     from rig.mcap.records import seal
 
@@ -104,7 +104,7 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
         writer.add_metadata("rig.run", seal("rig.run", facts))
         ids = [register(writer, kind, topic) for kind, topic in
                ((WRENCH, "/wrench"), (IMU, "/imu"), (TEXT, "/mark"), (DIAGNOSTICS, "/diagnostics"))]  # fmt: skip
-        wrench, imu = cdr_encode.encoder(WRENCH, "cell"), cdr_encode.encoder(IMU, "imu")
+        wrench, imu = cdr.encoder(WRENCH, "cell"), cdr.encoder(IMU, "imu")
         rows = zip(stamp.tolist(), np.hstack([signals.force, signals.moment]).tolist(),
                    np.hstack([signals.omega, signals.specific_force]).tolist(), strict=True)  # fmt: skip
         for k, (time, of_wrench, of_imu) in enumerate(rows):
@@ -112,10 +112,10 @@ def with_notes(path, signals, *, marks, flagged=(), apart=0):
             writer.add_message(ids[1], time + apart, imu(time, of_imu), time, k)
         for seconds, name in marks:
             time = round(seconds * 1e9) + apart
-            writer.add_message(ids[2], time, cdr_encode.encode_text(name), time, 0)
+            writer.add_message(ids[2], time, cdr.encode_text(name), time, 0)
         for seconds, count in flagged:
             time = round(seconds * 1e9) + apart
-            status = cdr_encode.encode_diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
+            status = cdr.encode_diagnostics(time, [(0, "cell", "ok", {"samples": 1, "flagged": count})])
             writer.add_message(ids[3], time, status, time, 0)
         writer.finish()
     return path
@@ -167,7 +167,7 @@ def test_samples_of_a_second_out_of_range_are_left_out_and_counted(short, tmp_pa
 def test_marks_in_both_byte_orders_and_what_is_no_mark():
     big = b"\0\0\0\0" + struct.pack(">I", 3) + b"go\0"
     assert marks._Reader(big).text() == "go"
-    assert marks._Reader(cdr_encode.encode_text("gö")).text() == "gö"
+    assert marks._Reader(cdr.encode_text("gö")).text() == "gö"
     with pytest.raises(ValueError, match="not plain CDR"):
         marks._Reader(b"\0\7\0\0")
 

@@ -14,8 +14,7 @@ import pytest
 from identify.rigid_body.inertia import COMPONENTS, unpack
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, true_motion
 from uq.cli import main as cli

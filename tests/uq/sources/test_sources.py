@@ -12,8 +12,7 @@ from scipy import stats
 
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
 from tests.helpers.source_lab import one_trial as plain_trial
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.simulation import simulate
 from uq.campaign.trial_setup import prepare_engine, setting_of
 from uq.sources.constant_errors import errors_of, errors_of_cases

@@ -14,8 +14,7 @@ import pytest
 from rig.exceptions import RigError
 from tests.helpers.small_campaign import document
 from tests.helpers.source_lab import BY_SAMPLES
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.trials import checkpoint
@@ -236,7 +235,7 @@ from uq.terminal.common import start_jax
 start_jax()
 from rig.exceptions import RigError
 from tests.helpers.small_campaign import document
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan
 from uq.campaign.campaign import montecarlo
 from uq.trials.checkpoint import Checkpoint
 from uq.experiment.experiment import Experiment

@@ -11,8 +11,7 @@ import pytest
 from scipy import stats
 
 from tests.helpers.source_lab import BY_SAMPLES, experiment, source
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions
+from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.cases import cases_of

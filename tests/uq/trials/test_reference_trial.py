@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.source_lab import one_trial
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import SamplingPlan
+from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import prepare_engine
 from uq.propagation.experiment_law import law

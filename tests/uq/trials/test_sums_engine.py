@@ -11,8 +11,7 @@ from scipy.linalg import circulant
 
 from identify.signals.differentiate import derivative
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
-from uq.campaign.campaign import montecarlo
-from uq.campaign.campaign_options import RunOptions, SamplingPlan
+from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.campaign_result import average
 from uq.campaign.statistics import Statistics
 from uq.coverage.adaptive_procedure import Goal

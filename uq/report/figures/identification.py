@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import decimals, fixed, significant
-from identify.sums.residual_trace import Trace
+from identify.sums.residual_spectrum import Trace
 from uq.report.figures.style import PAGE, PALETTE, coloured_parts, label, legend_above, new_figure, stacked
 
 
