@@ -19,8 +19,8 @@ def document():
     return changed
 
 
-TRIALS = 200
-"""On sums, campaigns of as many trials with the preset's sources and estimators are one compiled program."""
+TRIALS = 400
+"""On sums, campaigns of as many trials with the preset's sources and estimators are one compiled program, of any motion."""
 
 
 @cache

@@ -3,7 +3,7 @@
 import pytest
 import tqdm.auto
 
-from tests.helpers.small_campaign import document
+from tests.helpers.small_campaign import TRIALS, document
 from uq.campaign.campaign import RunOptions, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.progress_bar import ProgressBar, progress_of
@@ -56,5 +56,5 @@ def test_a_bar_is_shown_where_it_is_asked_for(bars):
 
 
 def test_a_campaign_shows_one(bars):
-    montecarlo(Experiment.from_dict(document()), trials=200, trajectories="T1", options=RunOptions(progress=True))
-    assert [(each.desc, each.n, each.total) for each in bars] == [("T1", 200, 200)]
+    montecarlo(Experiment.from_dict(document()), trials=TRIALS, trajectories="T1", options=RunOptions(progress=True))
+    assert [(each.desc, each.n, each.total) for each in bars] == [("T1", TRIALS, TRIALS)]

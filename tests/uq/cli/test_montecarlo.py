@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("results_follow_their_schema", "blank_pictu
 PRESET = resources.files("uq").joinpath("presets", "barreto2016.toml").read_text("utf-8")
 SHORT = PRESET.replace("180 s", "3 s").replace("27 s", "0.45 s")
 HEAD, *SOURCES = SHORT.split("[[source]]")
-SHORT = "[[source]]".join([HEAD, *(text for text in SOURCES if 'target = "M"' in text)])
+SHORT = "[[source]]".join([HEAD, *(text for text in SOURCES if 'name = "M_precision"' in text)])
 BODY = SHORT[SHORT.index("[body]") : SHORT.index("[platform]")]
 TWO = SHORT.replace(BODY, BODY.replace("[body]", "[body.full]") + BODY.replace("[body]", "[body.half]").replace("19.7", "9.85"))  # fmt: skip
 

@@ -42,13 +42,22 @@ def formats():
         kind, _, unit = name.partition(" ")
         read = {"quantity": quantity, "unit": scale}.get(kind)
         if read is not None:
-            checker.checks(name, ValueError)(partial(taken, cache(read), unit))
+            checker.checks(name, ValueError)(partial(taken, read, unit))
     return checker
 
 
 def taken(read, unit, value):
-    """Whether a quantity or a unit can be read: a text's answer is remembered, since the files are nearly the same."""
-    return (read(value, unit) if isinstance(value, str) else read.__wrapped__(value, unit)) is not None
+    """Whether a quantity or a unit can be read."""
+    return readable(read, unit, value) if isinstance(value, str) else read(value, unit) is not None
+
+
+@cache
+def readable(read, unit, text):
+    """Remembered, refusals above all: a schema tries each unit that a key may have, and the files are nearly the same."""
+    try:
+        return read(text, unit) is not None
+    except ValueError:
+        return False
 
 
 @pytest.fixture(scope="module")
@@ -86,16 +95,6 @@ def test_a_map_is_taken(mistakes):
     assert mistakes("map", MAP | {"recording": MAP["recording"] | {"force_unit": "kg"}})
 
 
-@pytest.fixture(scope="module")
-def small(preset, mistakes):
-    """The preset with two trajectories, the load cell's noise and the centre of gravity, which the schema takes."""
-    document = dict(preset.document)
-    trajectories = {name: document["trajectory"][name] for name in ("T1", "T3")}
-    document |= {"trajectory": trajectories, "source": [document["source"][k] for k in (0, 4)]}
-    assert mistakes("experiment", document) == []
-    return document
-
-
 @pytest.mark.parametrize(
     ("path", "value"),
     [
@@ -118,12 +117,12 @@ def small(preset, mistakes):
         (("source", 0, "sigma"), ["5 N", "5 N"]),
         (("source", 0, "sigma"), ["5 N*m", "5 N*m", "5 N*m"]),
         (("source", 0, "sigm"), ["5 N", "5 N", "5 N"]),
-        (("source", 1, "kind"), "precision"),
+        (("source", 4, "kind"), "precision"),
         (("source", 0, "distribution"), "cauchy"),
     ],
 )
-def test_what_the_loader_refuses_is_refused(mistakes, small, path, value):
-    document = copy.deepcopy(small)
+def test_what_the_loader_refuses_is_refused(mistakes, preset, path, value):
+    document = copy.deepcopy(dict(preset.document))  # which the schema takes: it is a shipped file
     *above, last = path
     table = document
     for key in above:

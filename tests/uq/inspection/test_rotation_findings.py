@@ -16,7 +16,7 @@ from uq.identification.identify_files import identify_files
 from uq.inspection.experiment_findings import experiment_findings
 from uq.recorded.load_run import load_run
 
-pytestmark = pytest.mark.usefixtures("few_draws")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 def turns():

@@ -12,6 +12,7 @@ from matplotlib.collections import PathCollection
 from identify.floating_point import MESSAGE, PrecisionWarning
 from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.law_sources import LINKED, SOURCES
+from tests.helpers.small_campaign import TRIALS
 from tests.helpers.source_lab import experiment, source
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -84,7 +85,7 @@ def test_a_mean_error_beyond_3_sigma_is_a_warning(brief, prepared):
 
 def test_law_and_monte_carlo_agree(brief, prepared):
     """Two trajectories, two estimators, eleven cases, six components; 4.5 standard errors: 528 x 7e-6 false alarms."""
-    result = montecarlo(brief, trials=400, seed=5, trajectories=["T1", "T3"])
+    result = montecarlo(brief, trials=TRIALS, seed=5, trajectories=["T1", "T3"])
     predicted = prepared.evaluate()
     assert compare(predicted, result, 4.5) == 2 * 2 * 11 * 2 * 6
     tables = beside(predicted, result)

@@ -23,7 +23,7 @@ from uq.recorded.load_run import load_run
 from uq.recorded.message_times import instants
 from uq.recorded.time_window import TimeWindow, resolve, windows_of_options
 
-pytestmark = pytest.mark.usefixtures("few_draws", "unjudged")
+pytestmark = pytest.mark.usefixtures("undrawn", "unjudged")
 
 MARKS = [(1.0, "start"), (5.0, "end"), (7.0, "twice"), (8.0, "twice")]
 

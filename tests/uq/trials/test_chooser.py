@@ -106,9 +106,6 @@ def test_a_coarse_step_gets_samples_and_a_step_alone_is_computed_once():
     assert how(experiment(NOISE[0], fine)) == words
     reason = {"total": "step is coarse against the noise beside it"}
     assert how(experiment(NOISE[0], coarse)) == {"by_samples": reason, "once": words["once"]}
-    result = montecarlo(experiment(NOISE[0], coarse), trials=2, estimators="central")
-    assert result.provenance["computed"] == {"T": how(experiment(NOISE[0], coarse))}
-    assert "T, total by samples: step is coarse against the noise beside it" in result.section().computed[0]
 
 
 def test_noise_that_does_not_round_independently_gets_samples():
@@ -167,6 +164,7 @@ def test_noise_that_is_large_or_skews_so_few_samples_gets_samples(large, small, 
     assert how(experiment(noise[1], duration=duration)) == {}
 
 
+@pytest.mark.slow
 def test_the_predicted_skewness_is_that_of_trials(monkeypatch):
     """Of 4,000 trials by samples, standard error 0.04, and by a factor of two: what it decides is no finer."""
     e = experiment(source("w", "omega", "precision", sigma=["8 mrad/s"] * 3), duration="2 s", ramp="0.5 s")
@@ -186,8 +184,19 @@ def three_ways():
 
 
 @pytest.fixture(scope="module")
-def split(three_ways):
-    return montecarlo(three_ways, trials=5, seed=3).errors["T"]
+def campaign(three_ways):
+    return montecarlo(three_ways, trials=5, seed=3)
+
+
+@pytest.fixture(scope="module")
+def split(campaign):
+    return campaign.errors["T"]
+
+
+def test_a_result_says_how_its_cases_were_computed(three_ways, campaign):
+    assert campaign.provenance["computed"] == {"T": how(three_ways)}
+    (reason,) = how(three_ways)["by_samples"].values()
+    assert f"T, total by samples: {reason}" in campaign.section().computed[0]
 
 
 def test_cases_by_samples_are_those_of_a_campaign_by_samples(three_ways, split):
