@@ -28,6 +28,11 @@ def trapezoid_cdf(low, high, d):
     return lambda x: np.interp(x, grid, values)
 
 
+def draws(ours, key, shape, dtype="float64"):
+    """Draws of a distribution, compiled as a whole."""
+    return jax.jit(lambda key: ours.draw(key, shape, dtype))(jax.random.key(key))
+
+
 CASES = {
     "normal": (Normal(1.0, 2.0), stats.norm(1, 2)),
     "rectangular": (Rectangular(-1.0, 3.0), stats.uniform(-1, 4)),
@@ -43,7 +48,7 @@ def test_moments_and_draws_are_scipys(name, dtype):
     """Ten Kolmogorov-Smirnov tests at a level of 1e-3, with fixed keys."""
     ours, reference = CASES[name]
     np.testing.assert_allclose([ours.mean, ours.standard_deviation], [reference.mean(), reference.std()], rtol=1e-12)
-    drawn = ours.draw(jax.random.key(1), (20_000,), dtype)
+    drawn = draws(ours, 1, (20_000,), dtype)
     assert drawn.dtype == dtype
     assert stats.kstest(np.asarray(drawn, float), reference.cdf).pvalue > 1e-3
 
@@ -55,13 +60,13 @@ def test_curvilinear_trapezoid_has_its_moments_and_its_draws():
     variance = 2 * np.trapezoid(2 * (x - 1) * (1 - cdf(x)), x)
     np.testing.assert_allclose(ours.standard_deviation, np.sqrt(variance), rtol=1e-5)
     assert ours.mean == 1
-    assert stats.kstest(np.asarray(ours.draw(jax.random.key(2), (20_000,))), cdf).pvalue > 1e-3
+    assert stats.kstest(np.asarray(draws(ours, 2, (20_000,))), cdf).pvalue > 1e-3
 
 
 def test_draws_from_samples_are_these_samples_each_as_often():
     samples = np.array([0.1, 0.2, 0.2, 5.0])
     ours = Empirical(samples)
-    drawn = np.asarray(ours.draw(jax.random.key(3), (40_000,)))
+    drawn = np.asarray(draws(ours, 3, (40_000,)))
     assert set(drawn) == {0.1, 0.2, 5.0}
     assert abs(np.mean(drawn == 0.2) - 0.5) < 5 * 0.5 / 200  # 6e-7 false alarms
     np.testing.assert_allclose([ours.mean, ours.standard_deviation], [samples.mean(), samples.std()])
@@ -70,7 +75,7 @@ def test_draws_from_samples_are_these_samples_each_as_often():
 
 def test_rows_of_samples_stay_together():
     samples = np.array([[1.0, 10.0, 100.0], [2.0, 20.0, 200.0], [3.0, 30.0, 300.0]])
-    drawn = np.asarray(Empirical(samples).draw(jax.random.key(3), (500, 3)))
+    drawn = np.asarray(draws(Empirical(samples), 3, (500, 3)))
     np.testing.assert_array_equal(drawn[:, 1:], drawn[:, :1] * [10, 100])
     with pytest.raises(ValueError, match=r"Argument `shape` must end with \(3,\), but is \(5,\)"):
         Empirical(samples).draw(jax.random.key(3), (5,))
@@ -80,7 +85,7 @@ def test_multivariate_normal_has_its_covariance():
     covariance = np.array([[4.0, 1.8, 0.0], [1.8, 1.0, 0.2], [0.0, 0.2, 0.25]])
     ours = MultivariateNormal(np.array([1.0, -1.0, 0.0]), covariance)
     n = 40_000
-    drawn = np.asarray(ours.draw(jax.random.key(4), (n, 3)))
+    drawn = np.asarray(draws(ours, 4, (n, 3)))
     np.testing.assert_allclose(ours.standard_deviation, [2, 1, 0.5])
     error = np.sqrt((np.outer(np.diag(covariance), np.diag(covariance)) + covariance**2) / n)
     assert (np.abs(np.cov(drawn.T) - covariance) < 5 * error).all()  # 6 entries: 4e-6 false alarms
@@ -91,7 +96,7 @@ def test_multivariate_normal_has_its_covariance():
 
 def test_values_that_go_together_wholly_can_be_drawn():
     singular = MultivariateNormal(np.zeros(2), np.array([[1.0, 2.0], [2.0, 4.0]]))
-    drawn = singular.draw(jax.random.key(0), (50, 2))
+    drawn = draws(singular, 0, (50, 2))
     np.testing.assert_allclose(drawn[:, 1], 2 * drawn[:, 0], atol=1e-12)
 
 
@@ -101,7 +106,7 @@ def test_draws_are_the_keys_own_in_any_batch(name):
     draw = lambda key: ours.draw(key, (4,))  # noqa: E731
     keys = jax.random.split(jax.random.key(5), 3)
     many = jax.jit(jax.vmap(draw))(keys)
-    np.testing.assert_allclose(many[1], draw(keys[1]), rtol=1e-14)
+    np.testing.assert_allclose(many[1], jax.jit(draw)(keys[1]), rtol=1e-14)
     assert not np.any(many[0] == many[1])
 
 
@@ -114,9 +119,9 @@ def test_parameters_may_differ_by_axis_and_be_traced():
 
     # kurtosis 1.8: relative standard error of a standard deviation is √(0.8/4n)
     np.testing.assert_allclose(drawn(widths).std(0), widths / np.sqrt(3), rtol=5 * np.sqrt(0.2 / 30_000))
-    slope = jax.grad(lambda w: jnp.sum(Rectangular(-w, w).draw(jax.random.key(6), (4, 3))))(jnp.asarray(widths))
-    drawn_four = Rectangular(-widths, widths).draw(jax.random.key(6), (4, 3))
-    np.testing.assert_allclose(slope @ widths, np.sum(drawn_four), rtol=1e-12)  # draws are proportional to the widths
+    four = jax.jit(jax.value_and_grad(lambda w: jnp.sum(Rectangular(-w, w).draw(jax.random.key(6), (4, 3)))))
+    total, slope = four(jnp.asarray(widths))
+    np.testing.assert_allclose(slope @ widths, total, rtol=1e-12)  # draws are proportional to the widths
 
 
 def test_student_t_says_when_it_has_no_standard_deviation():
@@ -152,7 +157,7 @@ def test_values_at_points_of_the_cube_have_the_distribution(name):
     }
     ours, reference = (CASES | more)[name]
     points = np.random.default_rng(3).random(ours.coordinates((20_000,)))
-    values = np.asarray(ours.at(jnp.asarray(points), (20_000,)))
+    values = np.asarray(jax.jit(lambda points: ours.at(points, (20_000,)))(jnp.asarray(points)))
     cdf = trapezoid_cdf(-1, 3, 0.8) if reference is None else reference.cdf
     assert stats.kstest(values, cdf).pvalue > 1e-3
 
@@ -168,5 +173,5 @@ def test_joint_normals_at_points_of_the_cube_have_their_covariance():
     covariance = np.array([[2.0, 0.6, 0.0], [0.6, 1.0, -0.3], [0.0, -0.3, 0.5]])
     ours = MultivariateNormal(np.array([1.0, 2.0, 3.0]), covariance)
     points = jnp.asarray(stats.qmc.Sobol(3, rng=1).random(2**14))
-    values = np.asarray(jax.vmap(lambda point: ours.at(point, (3,)))(points))
+    values = np.asarray(jax.jit(jax.vmap(lambda point: ours.at(point, (3,))))(points))
     np.testing.assert_allclose(np.cov(values, rowvar=False), covariance, atol=0.01)

@@ -24,30 +24,36 @@ def drawn_at_points(e, n=3000):
     return {name: np.asarray(values) for name, values in at(points).items()}
 
 
-@pytest.mark.parametrize("drawn", [drawn_by_key, drawn_at_points])
-@pytest.mark.parametrize(
-    ("keys", "law"),
-    [
-        ({"sigma": ["2 N"] * 3}, stats.norm(0, 2)),
-        ({"sigma": ["2 N"] * 3, "mean": ["5 N"] * 3}, stats.norm(5, 2)),
-        ({"distribution": "rectangular", "half_width": ["2 N"] * 3}, stats.uniform(-2, 4)),
-        ({"distribution": "rectangular", "sigma": ["2 N"] * 3}, stats.uniform(-np.sqrt(12), 2 * np.sqrt(12))),
-        ({"distribution": "triangular", "half_width": ["2 N"] * 3}, stats.triang(0.5, -2, 4)),
-        ({"distribution": "u_shaped", "half_width": ["2 N"] * 3}, stats.arcsine(-2, 4)),
-        ({"distribution": "student_t", "scale": ["2 N"] * 3, "degrees_of_freedom": 4}, stats.t(4, 0, 2)),
-        ({"datasheet": "±0.5 % of full scale, k = 2", "full_scale": ["800 N"] * 3}, stats.norm(0, 2)),
-        ({"datasheet": ["accuracy ±2 N"] * 3}, stats.uniform(-2, 4)),
-        ({"datasheet": "resolution 4 N"}, stats.uniform(-2, 4)),
-    ],
-)
-def test_draws_have_the_declared_distribution(keys, law, drawn):
+LAWS = [
+    ({"sigma": ["2 N"] * 3}, stats.norm(0, 2)),
+    ({"sigma": ["2 N"] * 3, "mean": ["5 N"] * 3}, stats.norm(5, 2)),
+    ({"distribution": "rectangular", "half_width": ["2 N"] * 3}, stats.uniform(-2, 4)),
+    ({"distribution": "rectangular", "sigma": ["2 N"] * 3}, stats.uniform(-np.sqrt(12), 2 * np.sqrt(12))),
+    ({"distribution": "triangular", "half_width": ["2 N"] * 3}, stats.triang(0.5, -2, 4)),
+    ({"distribution": "u_shaped", "half_width": ["2 N"] * 3}, stats.arcsine(-2, 4)),
+    ({"distribution": "student_t", "scale": ["2 N"] * 3, "degrees_of_freedom": 4}, stats.t(4, 0, 2)),
+    ({"datasheet": "±0.5 % of full scale, k = 2", "full_scale": ["800 N"] * 3}, stats.norm(0, 2)),
+    ({"datasheet": ["accuracy ±2 N"] * 3}, stats.uniform(-2, 4)),
+    ({"datasheet": "resolution 4 N"}, stats.uniform(-2, 4)),
+]
+
+
+@pytest.fixture(scope="module", params=[drawn_by_key, drawn_at_points])
+def declared(request):
+    """Sources of all laws in one experiment, and their draws: one compiled program."""
+    e = experiment(*(source(f"s{k}", "F", "bias", **keys) for k, (keys, _) in enumerate(LAWS)))
+    return e.sources, request.param(e)
+
+
+@pytest.mark.parametrize("k", range(len(LAWS)))
+def test_draws_have_the_declared_distribution(declared, k):
     """Sixty Kolmogorov-Smirnov tests at a level of 1e-4, with a fixed key."""
-    e = experiment(source("s", "F", "bias", **keys))
-    values = drawn(e)["s"]
+    sources, drawn = declared
+    values, law = drawn[f"s{k}"], LAWS[k][1]
     for axis in range(3):
         assert stats.kstest(values[:, axis], law.cdf).pvalue > 1e-4
     assert np.abs(np.corrcoef(values.T) - np.eye(3)).max() < 5 / np.sqrt(3000)
-    assert float(e.sources[0].standard_deviation[0]) == pytest.approx(law.std())
+    assert float(sources[k].standard_deviation[0]) == pytest.approx(law.std())
 
 
 def test_draws_from_a_file_of_samples(tmp_path):

@@ -32,9 +32,10 @@ def both(brief):
     return montecarlo(brief, trials=400, plan=IN_FLOAT32, **options), montecarlo(brief, trials=TRIALS, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trajectory", ["T1", "T3"])
 def test_drawn_sums_give_what_samples_give(both, trajectory):
-    """Every case and component: 264 comparisons in all at 4.5 standard errors, a false alarm in 500 seeds."""
+    """As ``test_reference_trial.py`` and the law of propagation do. Every case and component: 264 comparisons in all at 4.5 standard errors, a false alarm in 500 seeds."""
     by_samples, on_sums = (result[trajectory, "smoothed"] for result in both)
     assert on_sums.failed == 0
     for kind in ("groups", "sources"):
@@ -59,7 +60,7 @@ def of_t1(brief, monkeypatch):
     Without noise of the load cell, whose sums take as long again to compile.
     """
     monkeypatch.setattr("uq.trials.sums_engine.SumsEngine.segment", 512)
-    names = ("M_bias", "r_cg", "omega_bias", "omega_precision")
+    names = ("M_bias", "omega_precision")
     few = dataclasses.replace(brief, sources=tuple(s for s in brief.sources if s.name in names))
     usual = {"trajectories": "T1", "estimators": "central", "options": RunOptions(batch=128)}
     return lambda **given: montecarlo(few, **usual | given)
@@ -148,7 +149,8 @@ def test_without_errors_the_truth_comes_out(brief):
     np.testing.assert_allclose(on_sums, by_samples, atol=1e-12 * brief.inertia.max())
 
 
-@pytest.mark.parametrize("kind", [pytest.param("scale", marks=pytest.mark.slow), "misalignment"])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["scale", "misalignment"])
 def test_one_map_of_the_gyro_alone_gives_the_trials_by_samples(kind):
     """Without noise both engines draw the same: each trial's estimate is one number."""
     unit = {"scale": "%", "misalignment": "deg"}[kind]
