@@ -93,7 +93,8 @@ def test_flicker_is_the_filtered_noise_of_the_generator():
     gyro = experiment(asked(flicker=1.0)).sources[0]
     stream = jax.random.fold_in(noise_streams([gyro], jax.random.key(5), 3)[0], 1)
     places = jnp.arange(3 * BLOCK // 2, dtype=jnp.uint32).reshape(3, -1)
-    white = np.concatenate([in_order(normal_pairs(stream, block, places, "float64")) for block in (0, 1)], axis=1)
+    pairs = jax.jit(lambda block: in_order(normal_pairs(stream, block, places, "float64")))
+    white = np.concatenate([pairs(block) for block in (0, 1)], axis=1)
     response = pink_response(np.arange(2.0 * BLOCK))
     expected = [(axis + 1) * np.convolve(row, response)[: 2 * BLOCK] for axis, row in enumerate(white)]
     np.testing.assert_allclose(drawn(gyro, 5, 3, 2 * BLOCK), expected, atol=1e-4)  # of the filter, as above
