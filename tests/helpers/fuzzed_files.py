@@ -14,6 +14,7 @@ from identify.static.centre import centre
 from rig import runs
 from tests.helpers import bags
 from tests.helpers.pose_lab import GRAVITY, directions, wrench_of
+from tests.helpers.small_campaign import TRIALS
 from uq.campaign.campaign import RunOptions, montecarlo
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
@@ -51,7 +52,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     run = simulate(Experiment.load(folder / "e.toml"), "T1")
     run.write(folder / "run.mcap")
     packed, plain = (folder / "run.mcap").read_bytes(), _unchecked(folder)
-    montecarlo(Experiment.load(folder / "e.toml"), trials=200, options=RunOptions(checkpoint=folder / "done"))
+    montecarlo(Experiment.load(folder / "e.toml"), trials=TRIALS, options=RunOptions(checkpoint=folder / "done"))
     parts, heads = (
         tuple(p.read_bytes() for p in sorted((folder / "done").glob(name))[:1]) for name in ("*.part", "campaign.json")
     )
@@ -265,4 +266,4 @@ def _resumed(name: str, place: str) -> list[str]:
     shutil.rmtree("out", ignore_errors=True)
     shutil.copytree("done", "out/checkpoint")
     shutil.copy(name, min(Path("out/checkpoint").glob(place)))
-    return ["montecarlo", "e.toml", "--trials", "200", "--out", "out"]
+    return ["montecarlo", "e.toml", "--trials", str(TRIALS), "--out", "out"]

@@ -19,7 +19,7 @@ def document():
     return changed
 
 
-TRIALS = 400
+TRIALS = 200
 """On sums, campaigns of as many trials with the preset's sources and estimators are one compiled program, of any motion."""
 
 

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from tests.helpers.small_campaign import document
+from tests.helpers.small_campaign import TRIALS, document
 from uq.campaign.campaign import SamplingPlan, montecarlo
 from uq.experiment.experiment import Experiment
 from uq.files.compilation_cache import cache_folder, keep_compiled
@@ -84,7 +84,7 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
 
 @pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
 def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, engine):
-    options = {"trials": 200, "estimators": "central", "plan": SamplingPlan(engine=engine)}
+    options = {"trials": TRIALS, "plan": SamplingPlan(engine=engine)}
     montecarlo(brief, **options)
     before = compilations()
     for other in (louder(brief, 0.5), louder(brief, 2.0), *others(brief)):

@@ -32,7 +32,9 @@ def runs(*, strange=None):
     return [run(seed, **({"gyro_scale": RANGE} if seed == strange else {})) for seed in range(4)]
 
 
-@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.study), "joint"])
+@pytest.mark.parametrize(
+    "method", ["source", pytest.param("gls", marks=pytest.mark.study), pytest.param("joint", marks=pytest.mark.slow)]
+)
 def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(method, tmp_path):
     result = identified_files(runs(strange=2), tmp_path, method)
     (departure,) = result.discordance.departures

@@ -60,7 +60,7 @@ def test_intervals_of_thrown_bodies_hold_their_geometry(thrown, experiment):
         alone = identify(
             run, r_cg=experiment.stated_r_cg, estimator=experiment.estimator(), offsets=experiment.recording.offsets
         )
-        low, high = with_declared_sources(alone, [run], experiment, trials=500).interval95.T
+        low, high = with_declared_sources(alone, [run], experiment).interval95.T
         covered.append((low <= truth) & (truth <= high))
     print(dict(zip(COMPONENTS, np.mean(covered, axis=0).round(3), strict=True)))
     assert (np.mean(covered, axis=0) >= 0.9).all()
@@ -90,7 +90,7 @@ def test_throws_are_too_brief_for_weights_and_gls_is_as_least_squares(thrown, ex
     runs = [load_run(file, experiment.recording) for file in files]
     alone = identify(runs, r_cg=experiment.stated_r_cg, estimator=experiment.estimator(), offsets="none", method="gls")
     assert any("too brief to learn weights" in text for text in alone.warnings)
-    low, high = with_declared_sources(alone, runs, experiment, trials=2000).interval95.T
+    low, high = with_declared_sources(alone, runs, experiment).interval95.T
     assert ((low <= truth) & (truth <= high))[MOMENTS].all()
 
 

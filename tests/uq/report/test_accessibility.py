@@ -20,7 +20,7 @@ from uq.report.report_files import report
 
 
 @pytest.fixture(scope="module")
-def certificate(tmp_path_factory, few_draws):
+def certificate(tmp_path_factory):
     run = tmp_path_factory.mktemp("run") / "run.mcap"
     experiment = Experiment.from_dict(tomllib.loads(T1 + FULL))
     simulate(Experiment.from_dict(tomllib.loads(T1))).write(run)

@@ -178,6 +178,7 @@ def test_an_interaction_is_shared_in_halves(generator):
         (estimated.groups.shapley, [14, 0]),
     ):
         assert (np.abs(indices.value[:, 0] - np.array(exact) / 14) <= 4 * indices.standard_error[:, 0] + 1e-12).all()
+    assert estimated.sources.players == ("a", "b", "c")
     share = estimated.mean_square.bias_share[0], estimated.mean_square.bias_share_standard_error[0]
     assert abs(share[0] - 25 / 39) <= 4 * share[1]
 
@@ -293,16 +294,6 @@ def test_the_tensors_share_does_not_hang_on_the_frame(linear, generator):
     separate, together = budget_of(twins, some), budget_of(twins, packed)
     np.testing.assert_allclose(together.sources.shapley.generalised, separate.sources.shapley.generalised, rtol=1e-9)
     assert np.abs(together.sources.shapley.value - separate.sources.shapley.value).max() > 0.01
-
-
-def test_a_source_of_no_size_has_no_share_but_is_there(brief):
-    silent = dataclasses.replace(
-        only(brief, "M_bias", "F_bias"),
-        sources=tuple(eqx.tree_at(lambda s: s.sigma, s, s.sigma * (s.name == "M_bias")) for s in brief.sources[1:4:2]),
-    )
-    b = budget(silent, trials=5, trajectories="T1", estimators="central")["T1", "central"]
-    assert b.sources.players == ("F_bias", "M_bias")
-    np.testing.assert_allclose(b.sources.shapley.generalised, [0, 1], atol=1e-12)
 
 
 def test_failed_pairs_are_counted_and_left_out(linear):

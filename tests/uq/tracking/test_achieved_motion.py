@@ -11,6 +11,7 @@ from jaxtyping import Array
 
 from identify.motion.trajectory import Trajectory
 from identify.signals.run import RunError
+from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -55,7 +56,7 @@ def ran(experiment, path, *, gain=1.0, lag=0.0, quiet=False, r_cg_from_omb=None)
     if r_cg_from_omb is not None:  # the platform's centre keeps still, so that the true centre of gravity moves
         real = dataclasses.replace(real, still="omb")
         experiment = dataclasses.replace(experiment, r_cg_from_omb=r_cg_from_omb)
-    sources = () if quiet else experiment.sources
+    sources = silenced(experiment).sources if quiet else experiment.sources
     simulated = simulate(dataclasses.replace(experiment, trajectories={"T1": real}, sources=sources, document={}), "T1")
     simulated.write(path, overwrite=True)
     return path
