@@ -100,7 +100,7 @@ FAULTS = (
     fault("overlapping_block", "a record's last block counts samples of the one before again",
           "reference_trial sums_engine",
           ("(start + jnp.arange(size) >= first)", "(start + jnp.arange(size) >= start)")),
-    fault("acting_noise", "the gyro's noise acts in every case", "sums_engine chooser",
+    fault("acting_noise", "the gyro's noise acts in every case", "chooser campaign",
           ("jnp.tensordot(engine.gyro.acts[:, case],", "jnp.tensordot(jnp.ones_like(engine.gyro.acts[:, case]),")),
     fault("case_order", "cases by samples and on sums in the order of their engines", "chooser",
           ("places = {case: k for k, case in enumerate([*summed, *sampled, *same])}",

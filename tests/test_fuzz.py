@@ -15,6 +15,7 @@ def kinds(tmp_path_factory):
     return fuzz.kinds(tmp_path_factory.mktemp("fuzz"))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", KINDS)
 def test_a_mutated_file_gives_a_result_or_one_line(name, kinds, tmp_path_factory, monkeypatch):
     monkeypatch.chdir(next(path for path in tmp_path_factory.getbasetemp().glob("fuzz*")))

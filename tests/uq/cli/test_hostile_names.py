@@ -58,7 +58,6 @@ TURNED = [
     f"identify {NAME}.mcap --experiment e.toml --from {NAME}",
     f"identify {NAME}.mcap --{NAME}",
     f"recover {NAME}.cut.mcap -o {NAME}9.mcap",
-    f"design e.toml --achieved {NAME}.mcap",
     f"inspect {NAME}",
     f"identify {NAME} --experiment e.toml --estimator none",
     f"identify {NAME}.bag --experiment named.toml",

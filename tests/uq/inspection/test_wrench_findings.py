@@ -19,6 +19,8 @@ from uq.inspection.experiment_findings import experiment_findings
 from uq.inspection.inspect_run import inspect_run
 from uq.recorded.load_run import load_run
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @cache
 def good():

@@ -115,13 +115,12 @@ def test_no_limit_is_exceeded_on_a_finer_grid(found, request):
 
 @pytest.mark.slow
 def test_the_design_beats_common_practice(searched):
-    design = searched
-    averages = {name: candidate.averages for name, candidate in design.motions.items()}
+    averages = {name: candidate.averages for name, candidate in searched.motions.items()}
     for what in ("moments", "products"):
         assert averages["designed"][what] < 0.8 * averages["random"][what]
         assert averages["designed"][what] < 0.8 * averages["single"][what]
-    goal = goal_function("all", design.experiment, design.motions["random"].covariance)
-    np.testing.assert_allclose(goal(design.designed.covariance), design.starts[0][0])  # of no further search
+    goal = goal_function("all", searched.experiment, searched.motions["random"].covariance)
+    np.testing.assert_allclose(goal(searched.designed.covariance), searched.starts[0][0])  # of no further search
 
 
 def test_the_promise_is_that_of_the_simulated_samples(design, report):
