@@ -124,57 +124,35 @@ def solve(sums: Sums, r_cg: Float[Array, "3"]) -> Estimate:
 def solve_normal(matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#trials"]) -> Estimate:
     """Return the tensor from its normal equations; what cannot be solved is NaN and ``ok`` is False.
 
-    Equations of many trials may stand side by side on trailing axes, or be mapped over by ``jax.vmap``: the arithmetic
-    is written out entry by entry, so that each entry is a vector over trials, which fills a processor's vector units
-    where LAPACK would take one small matrix after another.
+    Equations of many trials may stand side by side on trailing axes, which fill a processor's vector units where LAPACK
+    would take one small matrix after another, or be mapped over by ``jax.vmap``.
     """
-    inertia, size_of_inverse = _solution(matrix, right)
-    condition = jnp.sqrt(jnp.sum(matrix * matrix, axis=(0, 1)) * size_of_inverse)
+    inverse = _inverse(matrix)
+    inertia = _product(inverse, right[:, None])[:, 0]
+    condition = jnp.sqrt(jnp.sum(matrix * matrix, axis=(0, 1)) * jnp.sum(inverse * inverse, axis=(0, 1)))
     ok = jnp.all(jnp.isfinite(inertia), axis=0) & (condition < CONDITION_LIMIT)
     return Estimate(jnp.where(ok, inertia, jnp.nan), condition, ok)
 
 
 @jax.custom_jvp
-def _solution(
-    matrix: Float[Array, "6 6 *#trials"], right: Float[Array, "6 *#trials"]
-) -> tuple[Float[Array, "6 *#trials"], Float[Array, "*#trials"]]:
-    """Return the solution, and the inverse's sum of squares; NaN where a pivot is not positive.
-
-    By elimination, not by Cholesky's root: with weights that are held fixed the matrix is only nearly symmetric.
-    """
-    # the barrier: XLA would compute the factors again for each of the entries that are made of them
-    lower, upper, scale = jax.lax.optimization_barrier(_factors(matrix))
-    half: list[Array] = []
-    for i in range(6):
-        half.append(right[i] - sum(lower[i, k] * half[k] for k in range(i)))
-    inertia: dict[int, Array] = {}
-    for i in reversed(range(6)):
-        inertia[i] = scale[i] * (half[i] - sum(upper[i, k] * inertia[k] for k in range(i + 1, 6)))
-    size = sum(entry * entry for entry in _inverse_of(lower, upper, scale).values())
-    definite = jnp.all(jnp.stack(scale) > 0, axis=0)
-    solution = jnp.stack([inertia[i] for i in range(6)])
-    return jnp.where(definite, solution, jnp.nan), jnp.where(definite, size, jnp.nan)
-
-
-@_solution.defjvp
-def _change_of_solution(primals, tangents):
-    """Derivatives of every order are products of the inverse and the solution, cheaper than those of the root."""
-    (inertia, size), inverse = _solution(*primals), _inverse(primals[0])
-    changed = tangents[1] - _product(tangents[0], inertia[:, None])[:, 0]
-    change_of_inverse = -_product(_product(inverse, tangents[0]), inverse)
-    change_of_size = 2 * jnp.sum(inverse * change_of_inverse, axis=(0, 1))
-    return (inertia, size), (_product(inverse, changed[:, None])[:, 0], change_of_size)
-
-
-@jax.custom_jvp
 def _inverse(matrix: Float[Array, "6 6 *trials"]) -> Float[Array, "6 6 *trials"]:
-    """Return the inverse of a matrix whose pivots are positive."""
-    inverse = jax.lax.optimization_barrier(_inverse_of(*jax.lax.optimization_barrier(_factors(matrix))))
-    return jnp.stack([jnp.stack([inverse[i, j] for j in range(6)]) for i in range(6)])
+    """Return the inverse, NaN where a pivot is not positive: Gauss and Jordan's elimination, in place.
+
+    Each step exchanges the first unknown for its equation's right side, and puts both last: after six steps all are in
+    order again. Positive definite matrices need no other exchange of rows. With weights that are held fixed the matrix
+    is only nearly symmetric, so that it has no root of Cholesky's.
+    """
+    for _ in range(len(matrix)):
+        reciprocal = 1 / jnp.where(matrix[0, 0] > 0, matrix[0, 0], jnp.nan)[None]
+        row, column = matrix[0, 1:] * reciprocal, -matrix[1:, 0] * reciprocal
+        others = matrix[1:, 1:] - matrix[1:, :1] * row[None]
+        matrix = jnp.concat([jnp.concat([others, column[:, None]], axis=1), jnp.concat([row, reciprocal])[None]])
+    return matrix
 
 
 @_inverse.defjvp
 def _change_of_inverse(primals, tangents):
+    """Derivatives of every order are products of the inverse, cheaper than those of the elimination."""
     inverse = _inverse(*primals)
     return inverse, -_product(_product(inverse, *tangents), inverse)
 
@@ -203,39 +181,3 @@ def triangular_root(matrix: Float[Array, "k k *trials"]) -> tuple[Root, list[Arr
         for i in range(j + 1, len(matrix)):
             root[i, j] = scale[j] * (matrix[i, j] - sum(root[i, k] * root[j, k] for k in range(j)))
     return root, scale
-
-
-def _factors(matrix: Float[Array, "6 6 *trials"]) -> tuple[Root, Root, list[Array]]:
-    """Return L, with ones on its diagonal, and U of a matrix ``L U``, and the reciprocals of U's diagonal, the pivots.
-
-    Positive definite matrices need no exchange of rows. Where a pivot is not positive its reciprocal is zero.
-    """
-    lower: Root = {}
-    upper: Root = {}
-    scale: list[Array] = []
-    for j in range(6):
-        for i in range(j, 6):
-            upper[j, i] = matrix[j, i] - sum(lower[j, k] * upper[k, i] for k in range(j))
-        positive = upper[j, j] > 0
-        # a safe denominator: the branch that is not taken must have no NaN in its derivative
-        scale.append(jnp.where(positive, 1 / jnp.where(positive, upper[j, j], 1.0), 0.0))
-        for i in range(j + 1, 6):
-            lower[i, j] = scale[j] * (matrix[i, j] - sum(lower[i, k] * upper[k, j] for k in range(j)))
-    return lower, upper, scale
-
-
-def _inverse_of(lower: Root, upper: Root, scale: list[Array]) -> dict[tuple[int, int], Array | float]:
-    """Return the entries of the inverse of ``L U``."""
-    lower_inverse: Root = {}
-    upper_inverse: Root = {}
-    for j in range(6):
-        upper_inverse[j, j] = scale[j]
-        for i in range(j + 1, 6):
-            lower_inverse[i, j] = -lower[i, j] - sum(lower[i, k] * lower_inverse[k, j] for k in range(j + 1, i))
-            upper_inverse[j, i] = -scale[i] * sum(upper_inverse[j, k] * upper[k, i] for k in range(j, i))
-    return {
-        (i, j): sum(upper_inverse[i, k] * lower_inverse[k, j] for k in range(max(i, j + 1), 6))
-        + (upper_inverse[i, j] if i <= j else 0.0)
-        for i in range(6)
-        for j in range(6)
-    }

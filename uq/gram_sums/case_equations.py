@@ -124,8 +124,9 @@ def feature_map(
     xp = library_of(*parts)
     sensed = xp.concat([xp.broadcast_to(x, x.shape[:2] + trials) for x in parts], axis=1)
     first, second = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
-    twice = TWO_WAYS[:count].reshape(count, *[1] * len(trials))
-    rows = [first[i] * second[j] + twice * second[i] * first[j] for i, j in PAIRS]
+    twice = TWO_WAYS[:count].reshape(1, count, *[1] * len(trials))
+    i, j = np.array(PAIRS).T
+    products = first[i] * second[j] + twice * second[i] * first[j]
 
     def placed(rows: Array, before: int) -> Array:
         after = count + 3 - before - rows.shape[1]
@@ -137,7 +138,7 @@ def feature_map(
     if drift is not None:
         linear = linear + placed(sensed[:, 4:], 10)
         alpha = alpha + placed(sensed[:, 4:], 0)
-    return xp.concat([constant, linear, placed(xp.stack(rows), 0), alpha])
+    return xp.concat([constant, linear, placed(products, 0), alpha])
 
 
 def equations_of(
