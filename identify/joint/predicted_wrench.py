@@ -130,16 +130,24 @@ class PredictedWrench:
             turning: of the angular velocity at the nodes, (nodes, 3, p), in the IMU's axes, where the attitude follows.
         """
         s, x = self.signals, self.x
-        spin = np.zeros_like(specific)
-        if omega is not None and alpha is not None:
-            tensor, by_arm = unpack(x["inertia"]), cross_matrix(self.arm)
-            momentum, centripetal = cross_matrices(s.omega @ tensor), cross_matrices(np.cross(s.omega, self.arm))
-            spin = tensor @ alpha + (s.spin @ tensor - momentum) @ omega
-            specific = specific - by_arm @ alpha - (s.spin @ by_arm + centripetal) @ omega
         if turning is not None and self.force_from == "still":
             specific = specific + self.gravity * s.up_by_rate(turning)
         force = x["mass"] * specific
-        return np.concatenate([force, spin + cross_matrix(x["r_cg"]) @ force], axis=1)
+        wrench = np.concatenate([force, cross_matrix(x["r_cg"]) @ force], axis=1)
+        if omega is not None and alpha is not None:
+            by_omega, by_alpha = self._by_motion
+            wrench += by_omega @ omega + by_alpha @ alpha
+        return wrench
+
+    @cached_property
+    def _by_motion(self) -> tuple[Columns, Float[np.ndarray, "6 3"]]:
+        """Derivatives of the wrench by the angular velocity and acceleration at a row's own instant."""
+        s, x = self.signals, self.x
+        tensor, by_arm = unpack(x["inertia"]), cross_matrix(self.arm)
+        momentum, centripetal = cross_matrices(s.omega @ tensor), cross_matrices(np.cross(s.omega, self.arm))
+        force, about_q = -x["mass"] * (s.spin @ by_arm + centripetal), cross_matrix(x["r_cg"])
+        by_omega = np.concatenate([force, s.spin @ tensor - momentum + about_q @ force], axis=1)
+        return by_omega, np.concatenate([-x["mass"] * by_arm, tensor - x["mass"] * about_q @ by_arm])
 
     def derivative(self, name: str) -> Columns:
         """Return the derivative of what is predicted by one unknown: wrench, offsets, and the load cell's errors."""

@@ -31,9 +31,8 @@ RIDGE = 1e-9
 Numerical: rounding of doubles in the solution.
 """
 
-LIFT, ZERO, MATRIX = slice(1, 4), slice(4, 7), 9
-"""Places of p and the zero among the columns of a fit, behind the mass's; how many the last ones, of the matrix, are.
-"""
+LIFT, ZERO = slice(1, 4), slice(4, 7)
+"""Places of p and the zero among the columns of a fit, behind the mass's."""
 
 Rotations = Float[np.ndarray, "n 3 3"]
 Smooth = Callable[[np.ndarray], np.ndarray]
@@ -142,9 +141,9 @@ class PosedForce:
             turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
         """
         rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
-        values, *_ = np.linalg.lstsq(rows, answer, rcond=1e-9)
+        values, _, rank, _ = np.linalg.lstsq(rows, answer, rcond=1e-9)
         misfit = float(np.mean((answer - rows @ values) ** 2))
-        free = max(1 - np.linalg.matrix_rank(rows) / self.independent_values, 0.1)
+        free = max(1 - rank / self.independent_values, 0.1)
         variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
         covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
         if self.specific is None:
@@ -152,25 +151,35 @@ class PosedForce:
         return GravityFit(values, covariance, misfit)
 
     @cached_property
+    def _specific(self) -> np.ndarray:
+        return np.zeros((len(self.force), 3)) if self.specific is None else self.specific
+
+    @cached_property
     def _columns(self) -> np.ndarray:
-        """Smoothed columns of m, p, zero, lever and a matrix that acts on the specific force, (k, 3, columns)."""
-        n, unit = len(self.force), np.eye(3)
-        specific = np.zeros((n, 3)) if self.specific is None else self.specific
+        """Smoothed columns of m, p, zero and lever, (k, 3, columns)."""
+        n = len(self.force)
         levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
-        zero, matrix = np.broadcast_to(unit, (n, 3, 3)), np.einsum("ij,nk->nijk", unit, specific).reshape(n, 3, 9)
-        columns = np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers, matrix], axis=2)
-        return self.smooth(columns.reshape(n, -1)).reshape(-1, 3, columns.shape[2])
+        zero = np.broadcast_to(np.eye(3), (n, 3, 3))
+        return self._smooth(
+            np.concatenate([self._specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2)
+        )
+
+    def _smooth(self, columns: np.ndarray) -> np.ndarray:
+        return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
 
     def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
-        """Rows of a fit; what is not free stands as zeros, but for the matrix, which is left out."""
-        columns = self._columns if turned else self._columns[:, :, :-MATRIX]
-        acting = np.ones(columns.shape[2])
-        acting[LIFT], acting[ZERO] = lift, zero
-        return (columns * acting).reshape(-1, len(acting))
+        """Rows of a fit, what is not free as zeros; ``turned``: with nine of a matrix that acts on the specific force."""
+        columns = self._columns.copy()
+        columns[:, :, LIFT] *= lift
+        columns[:, :, ZERO] *= zero
+        if turned:
+            matrix = np.einsum("ij,nk->nijk", np.eye(3), self._specific).reshape(-1, 3, 9)
+            columns = np.concatenate([columns, self._smooth(matrix)], axis=2)
+        return columns.reshape(-1, columns.shape[2])
 
     def mass_step(self) -> MassStep:
         """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
-        rows, unit = np.delete(self._columns[:, :, :-MATRIX], np.r_[LIFT, ZERO], axis=2), np.eye(3)
+        rows, unit = np.delete(self._columns, np.r_[LIFT, ZERO], axis=2), np.eye(3)
         count = rows.shape[2]
         answer, n = self._answer, len(rows)
         grams = np.einsum("nij,nik->njk", rows, rows)
