@@ -168,7 +168,7 @@ class PosedForce:
         return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
 
     def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
-        """Rows of a fit, what is not free as zeros; ``turned``: with nine of a matrix that acts on the specific force."""
+        """Rows of a fit, what is not free as zeros; ``turned``: with nine columns of a matrix on the specific force."""
         columns = self._columns.copy()
         columns[:, :, LIFT] *= lift
         columns[:, :, ZERO] *= zero
