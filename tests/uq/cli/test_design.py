@@ -220,6 +220,18 @@ def test_the_report_says_what_was_asked(content, report):
     assert report.tables()[0].rows[-1][0] == "bound"
 
 
+def test_what_undeclared_errors_leave_is_said(report):
+    """The preset declares that there are none."""
+    assert "Undeclared" not in report.title()
+    growth = dataclasses.replace(report.durations[0].growth, undeclared=(np.array([1, 2, 2, 3, 2, 5]) * 1e-3 / 3) ** 2)
+    durations = tuple(dataclasses.replace(duration, growth=growth) for duration in report.durations)
+    title = dataclasses.replace(report, durations=durations).title()
+    line = (
+        "Undeclared errors at typical size have an average 3σ of 3.00 g·m² (moments) and 2.00 g·m² (products), at any"
+    )
+    assert line in title
+
+
 def test_where_a_constant_source_rules_the_bound_is_no_promise(report):
     """r_cg a hundred times as large: what counts the cell's noise alone says little, and is set against nothing."""
     law = report.laws["designed"]

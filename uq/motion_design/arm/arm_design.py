@@ -3,7 +3,8 @@
 Common practice under the same limits in the same time: one joint at a time, random Fourier series.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from uq.motion_design.arm.clearance import Clearance
 from uq.motion_design.arm.joint_search import GRID, Candidate, Goal, JointSearch, periods
 from uq.motion_design.arm.largest_motion import enlarged, largest_size
 from uq.motion_design.arm.mujoco_run import loaded_model
-from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise, promised
+from uq.motion_design.arm.predicted_payload import WrenchNoise, by_undeclared, declared_noise, promised
 from uq.motion_design.design_goal import GOALS, goal_of
 from uq.motion_design.search import check_options, optima
 from uq.progress_bar import Progress
@@ -60,6 +61,13 @@ class ArmDesign:
     def designed(self) -> Candidate:
         """Candidate of the designed motion."""
         return self.motions["designed"]
+
+    @cached_property
+    def with_undeclared(self) -> Candidate:
+        """The designed motion, whose covariance also holds the load cell's undeclared errors at typical size."""
+        t = np.linspace(0.0, self.duration, int(self.duration * GRID * self.limits.bandwidth) + 1)
+        floor = by_undeclared(self.limits.tool(self.designed.series.sampled(t)), self.noise, self.experiment)
+        return replace(self.designed, covariance=self.designed.covariance + floor)
 
 
 def design_arm(

@@ -90,6 +90,9 @@ class ArmDesignReport(MotionReport):
                 }
                 for name, c in design.motions.items()
             },
+            "average_with_undeclared": {
+                what: GRAM_METRE * value for what, value in design.with_undeclared.averages.items()
+            },
             "starts": [{"goal": goal, "excess": excess} for goal, excess in design.starts],
             "simulation": {
                 "tracking_error": dict(zip(design.limits.arm.names, self.run.tracking_error.tolist(), strict=True)),

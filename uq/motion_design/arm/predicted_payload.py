@@ -8,13 +8,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from identify.rigid_body.inertia import Body
-from identify.serial_arm.payload_information import covariance_about_cg, information
+from identify.rigid_body.regressor import wrench_regressor
+from identify.serial_arm.payload_information import about_cg, about_q, covariance_about_cg, information
 from identify.serial_arm.serial_chain import LinkMotion
 from uq.experiment.experiment import Experiment
+from uq.experiment.typical_errors import typical_errors
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.cases import Case
+from uq.gram_sums.error_maps import cell_map
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.uncovered_sources import ANYWHERE
+from uq.sources.constant_errors import unravel
 
 
 class WrenchNoise(NamedTuple):
@@ -67,3 +71,28 @@ def promised(
     """Return :func:`ten_parameters` of a motion that is there, in NumPy."""
     arrays = jax.tree.map(jnp.asarray, (motion, samples, noise.covariance, body))
     return np.asarray(_compiled(*arrays))
+
+
+def by_undeclared(motion: LinkMotion, noise: WrenchNoise, experiment: Experiment) -> Float[np.ndarray, "10 10"]:
+    """Return the covariance by errors of the load cell that the experiment does not declare, at typical size.
+
+    They change the wrench in proportion to itself, so that no duration averages them; the estimate follows linearly.
+
+    Args:
+        motion: of the tool, instants first, at equal intervals.
+        noise: by which force and moment are weighed.
+        experiment: the payload, sources and typical figures.
+    """
+    rows = np.asarray(jax.vmap(wrench_regressor)(*map(jnp.asarray, motion)))
+    payload = about_q(experiment.body)
+    wrench = rows @ np.asarray(payload)
+    force, moment = np.abs(wrench).reshape(-1, 2, 3).max(axis=(0, 2)).tolist()
+    errors = typical_errors(experiment, (force, moment))
+    drawn = constants_of(errors.sources, errors.mixing)
+    cell = jax.jacfwd(lambda numbers: cell_map(unravel(drawn.errors @ numbers)))(jnp.zeros(len(drawn.sigma)))
+    centred, weights = rows - rows.mean(axis=0), np.linalg.inv(noise.covariance)
+    change = np.einsum("tji,jk,klm,tl->im", centred, weights, cell, wrench, optimize=True)
+    normal = np.einsum("tji,jk,tkl->il", centred, weights, centred, optimize=True)
+    effect = np.asarray(jax.jacfwd(about_cg)(payload)) @ np.linalg.solve(normal, change)
+    (covariance,) = drawn.covariance(np.ones((1, len(drawn.sigma))))
+    return effect @ covariance @ effect.T

@@ -50,6 +50,10 @@ def platform_title(report: DesignReport) -> str:
     ]
     if not design.improved:
         sentences.append("No design beat the reference: the reference itself is returned.")
+    floors = {goal: average(3 * np.sqrt(report.durations[0].growth.undeclared), goal) for goal in BOTH}
+    if any(floors.values()):
+        words = " and ".join(f"{_figure(floor)} g·m² ({goal})" for goal, floor in floors.items())
+        sentences.append(f"Undeclared errors at typical size have an average 3σ of {words}, at any duration.")
     names = sorted({peak.quantity.replace("_", " ") for peak in design.active})
     sentences.append(f"What limits it: {', '.join(names)}." if names else "No limit is used up.")
     return "\n".join([*sentences, *_bound_in_words(report)])
@@ -137,7 +141,7 @@ def arm_tables(report: ArmDesignReport) -> list[Table]:
     """Return predicted 3σ of each motion, the use of each limit, and how the simulated joints follow."""
     design, run, arm = report.design, report.run, report.design.limits.arm
     motions = []
-    for name, candidate in design.motions.items():
+    for name, candidate in (design.motions | {"with_undeclared": design.with_undeclared}).items():
         mass, *r_cg_and_tensor = GRAM_METRE * candidate.expanded
         averages = [GRAM_METRE * x for x in candidate.averages.values()]
         values = (mass, max(r_cg_and_tensor[:3]), *r_cg_and_tensor[3:], *averages)
@@ -315,7 +319,12 @@ LEGS = "The legs over the same seconds, each against its own limit; dashed: the 
 COMPONENTS_OF = "3σ and mean error of each component with each trajectory, all sources together."
 BUDGETS = "Average 3σ of moments and of products, all sources and the largest alone; dashed: no motion can beat it."
 FILES = "Each file was read back and compared with the motion; JSON says columns, units, rotation order, signs."
-NAMES = {"designed": "designed", "random": "best random series", "single": "one joint at a time"}
+NAMES = {
+    "designed": "designed",
+    "random": "best random series",
+    "single": "one joint at a time",
+    "with_undeclared": "designed, with undeclared errors",
+}
 """Names of an arm's motions in the table."""
 PLATFORM_METHOD = (
     "3σ is three standard deviations, the mean error the expected estimate less the truth, both by the law of "
@@ -333,7 +342,10 @@ BUDGET_NOTE = (
     "3 rms: 3√(σ² + mean error²), three times the root mean square error. change: of the average, against the "
     "reference's. A longer run makes 3σ smaller, but not the mean error."
 )
-MOTION_NOTE = "r_CG: the largest of its three. Random: the best of several Fourier series of five harmonics."
+MOTION_NOTE = (
+    "r_CG: the largest of its three. Random: the best of several Fourier series of five harmonics. "
+    "Undeclared errors: of the load cell at typical size, which no duration averages."
+)
 LIMIT_NOTE = "Over the whole run with its ramps, on a grid ten times finer than the search's."
 PLATFORM_LIMIT_NOTE = f"{LIMIT_NOTE.removesuffix('.')}; from 98 % on it limits."
 PLATFORM_ASSUMPTIONS = (

@@ -17,7 +17,7 @@ import uq.motion_design.arm.arm_report
 from identify.motion.limit_peaks import Peak
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.joint_series import JointSeries
-from identify.serial_arm.payload_information import about_cg
+from identify.serial_arm.payload_information import about_cg, about_q
 from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.cli.main import main
@@ -134,6 +134,35 @@ def test_the_promise_is_that_of_the_simulated_samples(design, report):
     np.testing.assert_allclose(about_cg(jnp.asarray(estimate[:10])), [2, 0.02, -0.03, 0.048, *body.inertia], rtol=1e-6)
     at_q = np.linalg.inv(columns.T @ columns)[:10, :10]
     np.testing.assert_allclose(np.diag(at_q)[0], design.designed.covariance[0, 0], rtol=0.05)  # tracking error
+
+
+def test_undeclared_errors_of_the_load_cell_move_the_least_squares_of_the_same_samples(design):
+    """Each of the 36 elements of its matrix alone, at the typical figures of docs/how-to/identify.md."""
+    motion = design.limits.tool(design.designed.series.sampled(np.linspace(0, 8, 801)))
+    rows = np.asarray(jax.vmap(wrench_regressor)(*map(jnp.asarray, motion)))
+    body, whiten = design.experiment.body, np.diag([10.0] * 3 + [200.0] * 3)  # 0.1 N and 5 mN·m
+    fit = np.linalg.pinv(np.concatenate([np.concatenate([whiten @ row, whiten], axis=1) for row in rows]))[:10]
+    truth = fit @ (rows @ about_q(body) @ whiten).ravel()
+    wrench = rows @ truth
+    largest = np.repeat([np.abs(wrench[:, :3]).max(), np.abs(wrench[:, 3:]).max()], 3)
+
+    def moved(matrix):
+        change = about_cg(jnp.asarray(truth + fit @ (wrench @ (1e-4 * matrix).T @ whiten).ravel()))
+        return np.asarray(change - about_cg(jnp.asarray(truth))) / 1e-4
+
+    def element(i, j):
+        return np.outer(np.eye(6)[i], np.eye(6)[j])
+
+    common = [0.0025 * moved(np.diag(np.repeat(which, 3))) for which in ([1.0, 0.0], [0.0, 1.0])]
+    by_axis = [0.0025 * moved(element(i, i)) for i in range(6)]
+    crossed = [0.0015 * largest[i] / largest[j] * moved(element(i, j)) for i in range(6) for j in range(6) if i != j]
+    turned = [
+        0.005 * moved(sum(element(3 * k + i, 3 * k + j) - element(3 * k + j, 3 * k + i) for k in range(2)))
+        for i, j in [(1, 2), (2, 0), (0, 1)]
+    ]
+    variance = np.square([*common, *by_axis, *crossed, *turned]).sum(axis=0)
+    added = np.diag(design.with_undeclared.covariance - design.designed.covariance)
+    np.testing.assert_allclose(added, variance, rtol=0.01)
 
 
 def test_mujoco_follows_and_touches_nothing(report):
