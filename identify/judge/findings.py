@@ -99,7 +99,7 @@ class Finding(Enum):
         "declare r_cg_from_omb with its uncertainty", _all(1e3, "mm")
     )  # fmt: skip
     GYRO_SCALE = (
-        "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, or declare a scale",
+        "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, declare a scale, or check its unit",
         _all(-100.0, "%")
     )  # fmt: skip
     GYRO_BIAS = (
