@@ -309,7 +309,7 @@ def test_signals_are_smooth_in_the_draws():
     """The derivative of the record by every draw at once, against central differences."""
     e = experiment(*DRAWN, source("delay", "omega", "delay", sigma="1 ms"))
     setup = prepare_samples(setting_of(e, e.trajectories["T"], ()))
-    draws = draw_constants(e.sources, (), jax.random.key(0), 0, jnp.dtype(float))
+    draws = jax.jit(lambda key: draw_constants(e.sources, (), key, 0, jnp.dtype(float)))(jax.random.key(0))
     record = jax.jit(lambda draws: smooth_signals(setup, errors_of(setup.sources, draws)))
     slopes = jax.jit(lambda point, direction: jax.jvp(record, (point,), (direction,))[1])
     direction = jax.tree.map(

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import circulant
 
 from identify.signals.differentiate import derivative
-from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, source
+from tests.helpers.source_lab import IN_FLOAT32, experiment, source
 from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.campaign.campaign_result import average
 from uq.campaign.statistics import Statistics
@@ -110,15 +110,6 @@ def test_a_seed_draws_the_same_whichever_eigenvectors_the_machine_finds(generato
     )
     np.testing.assert_allclose(first @ first.T, covariance, atol=1e-12)
     np.testing.assert_allclose(first, second, atol=1e-5)
-
-
-def test_without_errors_the_truth_comes_out(brief):
-    silent = dataclasses.replace(brief, sources=())
-    on_sums, by_samples = (
-        montecarlo(silent, trials=2, trajectories="T1", estimators="smoothed", plan=plan).errors["T1"]
-        for plan in (SamplingPlan(), BY_SAMPLES)
-    )
-    np.testing.assert_allclose(on_sums, by_samples, atol=1e-12 * brief.inertia.max())
 
 
 MANY = Experiment.load(Path(__file__).parents[3] / "uq" / "examples" / "many-errors.toml")
