@@ -157,7 +157,7 @@ def _change_of_inverse(primals, tangents):
     return inverse, -_product(_product(inverse, *tangents), inverse)
 
 
-def _product(first: Float[Array, "i j *trials"], second: Float[Array, "j k *trials"]) -> Float[Array, "i k *trials"]:
+def _product(first: Float[Array, "i j *#trials"], second: Float[Array, "j k *#trials"]) -> Float[Array, "i k *#trials"]:
     return jnp.einsum("ij...,jk...->ik...", first, second)
 
 
