@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.judge.causes import Cause
+from identify.judge.findings import Finding
 from identify.signals.filters import moving_average
 from identify.sums.residual_spectrum import leverage
 from identify.sums.row_products import inverse, products
@@ -28,6 +28,16 @@ FEWEST = 4.0
 
 Choice: fewer leave no residuals that Hotelling's chance could be from.
 """
+
+
+class Cause(NamedTuple):
+    """Signals that a cause makes, and the size that it may well have."""
+
+    finding: Finding
+    columns: Float[np.ndarray, "n 6 p"]
+    """Change of the measured wrench by a unit of each of p coefficients, at n instants."""
+    size: Float[np.ndarray, " p"]
+    """Typical standard deviation of each coefficient where no care was taken."""
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from identify.exceptions import RunError
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import Alignment, PriorBlock, error_blocks
 from identify.joint.single_run import Setting
-from identify.judge import declared_quantities, specification
-from identify.judge.causes import gyro_axes
+from identify.judge import held_errors, specification
+from identify.judge.causes import FollowedCause, followed, gyro_axes
 from identify.judge.evidence import Evidence
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
-from identify.judge.followed_causes import FollowedCause, followed
 from identify.judge.held_errors import GYRO, by_held_errors
 from identify.judge.resonance import ResonancePeak, lines_of, resonance, saturated
 from identify.judge.run_fit import RunFit, fit_run, tensor_change
@@ -95,21 +94,19 @@ def judged(result: Identification, problem: Problem) -> Identification:
         if len(estimator_fits) == len(problem.runs):
             held = by_held_errors(result, problem, estimator_fits)
         errors = [error for error, fit in zip(exact_errors, candidates, strict=True) if fit]
-        departing = declared_quantities.departing_declarations(problem, estimator_fits, errors)
+        departing = held_errors.departing_declarations(problem, estimator_fits, errors)
         if result.method != "joint":
             declarations += departing
         elif any(errors):  # an exact quantity that is off has moved the other of the two in the joint estimate
             open_to = {"mass", "r_cg"} - {record.quantity for record in departing}
             explained = [record.text for record in declarations if record.quantity in open_to]
             declarations = [record for record in declarations if record.quantity not in open_to]
-    declarations += (
-        declared_quantities.exact_declaration(cause, problem) for causes in exact_errors for cause in causes
-    )
+    declarations += (held_errors.exact_declaration(cause, problem) for causes in exact_errors for cause in causes)
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
     with_causes = replace(
         result,
-        declarations=declared_quantities.farthest(declarations),
+        declarations=held_errors.farthest(declarations),
         consistency=(*result.consistency, *verdicts),
         warnings=(*unexplained, *texts, *(verdict.text for verdict in verdicts)),
         by_held_errors=held,
@@ -179,7 +176,7 @@ def _of_run(
             named.setdefault(cause.evidence.cause.finding, cause)
     if result.method != "joint":
         named = {finding: cause for finding, cause in named.items() if finding not in ACCELEROMETER_CAUSES}
-    exact = declared_quantities.exact_quantities(problem)
+    exact = held_errors.exact_quantities(problem)
     best = min(judgements, key=lambda judgement: judgement.unexplained)
     left_over = best.unexplained
     verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.methods.base import Problem

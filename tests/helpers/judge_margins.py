@@ -9,11 +9,16 @@ import argparse
 
 import numpy as np
 
-from identify.judge import followed_causes, judged_result, resonance, specification
-from identify.judge.causes import causes
+from identify.judge import causes, judged_result, resonance, specification
 from identify.judge.conventions import axis_hypotheses, free_rotation, imu_conventions, removed_weight, wrench_findings
-from identify.judge.conventions.convention_fit import MOMENT_TERMS
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, ImuSignal, WrenchSignal, convention_sums
+from identify.judge.conventions.convention_fit import (
+    FORCE,
+    MOMENT,
+    MOMENT_TERMS,
+    ImuSignal,
+    WrenchSignal,
+    convention_sums,
+)
 from identify.judge.evidence import Base, evidence
 from identify.judge.weight import lasting
 from identify.signals.power_spectrum import welch
@@ -26,8 +31,8 @@ LIMITS = {
     "gravity's turn by the gyro over that by the accelerometer": ("≤", imu_conventions.UNLIKE),
     "magnitude of specific force, median deviation, in parts": ("≤", imu_conventions.STEADY),
     "specific force without a lever's, in parts": ("≥", imu_conventions.WITHOUT_GRAVITY),
-    "log Bayes factor of the best cause": ("≤", followed_causes.LIKELY),
-    "chance of the best cause": ("≥", followed_causes.CHANCE),
+    "log Bayes factor of the best cause": ("≤", causes.LIKELY),
+    "chance of the best cause": ("≥", causes.CHANCE),
     "residuals in the band over those above": ("≤", judged_result.UNEXPLAINED),
     "chance of least squares' difference": ("≥", specification.CHANCE),
     "part of what lies above the motion's band in one peak": ("≤", resonance.MOST),
@@ -78,7 +83,7 @@ def _of_residuals(measured):
     fit, declared = fits[-1]
     base = Base(fit.residuals, fit.columns, fit.prior.counted)
     judged = [evidence(base, cause, fit.transformed(cause.columns * cause.size))
-              for cause in causes(fit.prediction, free=declared[0])]  # fmt: skip
+              for cause in causes.causes(fit.prediction, free=declared[0])]  # fmt: skip
     judged = [verdict for verdict in judged if verdict is not None]
     run, band = bands[-1]
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.convention_fit import ImuSignal
 
 
 def throw(seed: int, *, rate: float = 500.0, seconds: tuple[float, float] = (0.3, 1.5)) -> ImuSignal:

@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.judge.conventions.attitude_findings import attitude_findings
 from identify.judge.conventions.clock_findings import clock_findings
-from identify.judge.conventions.convention_sums import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.imu_conventions import imu_findings
 from identify.judge.conventions.wrench_findings import wrench_findings

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identify.judge.conventions.clock_findings import clock_findings
-from identify.judge.conventions.convention_sums import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.imu_conventions import imu_findings
 from identify.judge.conventions.wrench_findings import wrench_findings
 from rig.channels import ImuChannel, WrenchChannel, stamps_early

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.judge.conventions.convention_sums import DeclaredRig, ImuSignal, Vector
+from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, Vector
 from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import from_quaternions, quaternions, rotation_vectors, signed_order

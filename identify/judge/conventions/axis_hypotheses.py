@@ -9,8 +9,17 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.convention_fit import FORCE_TERMS, MASS_AT, MOMENT_TERMS_WITH_WEIGHT, Terms
-from identify.judge.conventions.convention_sums import FORCE, GRAVITY, MOMENT, SPECIFIC, ConventionSums
+from identify.judge.conventions.convention_fit import (
+    FORCE,
+    FORCE_TERMS,
+    GRAVITY,
+    MASS_AT,
+    MOMENT,
+    MOMENT_TERMS_WITH_WEIGHT,
+    SPECIFIC,
+    ConventionSums,
+    Terms,
+)
 from identify.rigid_body.rotation import exponential, exponentials, rotation_vectors
 
 COSTS = {

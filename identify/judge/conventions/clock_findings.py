@@ -3,10 +3,11 @@
 import numpy as np
 
 from identify.judge.conventions import convention_fit
-from identify.judge.conventions.convention_fit import FORCE_TERMS, MOMENT_TERMS
-from identify.judge.conventions.convention_sums import (
+from identify.judge.conventions.convention_fit import (
     FORCE,
+    FORCE_TERMS,
     MOMENT,
+    MOMENT_TERMS,
     SPECIFIC,
     ConventionSums,
     ImuSignal,

@@ -1,7 +1,10 @@
-"""Newton's and Euler's equations as least squares on the sums of a run.
+"""The mechanics of a run in a few sums, and Newton's and Euler's equations as least squares on them.
 
-:mod:`identify.judge.conventions.convention_sums` has these sums.
-With the wrench (F, M) on the body at Q, specific force f and angular velocity ω at the IMU, all in one frame,
+One smoothing filter over force, moment, specific force and the thirteen features of the motion
+(:mod:`identify.rigid_body.regressor`), products taken before, keeps the equations exact and takes the noise off; every
+hypothesis about signs, axes, units and zeros is then a small least-squares problem on the same sums. NumPy only:
+``inertia inspect`` starts without JAX. With the wrench (F, M) on the body at Q, specific force f and angular velocity ω
+at the IMU, all in one frame,
 
     F = m f + α × b + ω × (ω × b) + F0                b = m (r_CG − r_IMU)
     M = r × F + q × f + I α + ω × I ω + M0            q: only where weight is missing in F but not in M
@@ -9,23 +12,274 @@ With the wrench (F, M) on the body at Q, specific force f and angular velocity �
 whose columns are those of the regressor. Each is linear in its unknowns; a fit has them with covariance and misfit.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 
-from identify.judge.conventions.convention_sums import (
-    CONSTANT,
-    FORCE,
-    GRAVITY,
-    MOMENT,
-    MOTION,
-    SPECIFIC,
-    WIDTH,
-    ConventionSums,
-)
+from identify.rigid_body import regressor
 from identify.rigid_body.inertia import unpack
-from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PI_OF_FORCE
+from identify.rigid_body.regressor import FEATURES, FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PAIRS, PI_OF_FORCE
+from identify.rigid_body.rotation import cumulative_product, exponentials
+
+SMOOTHING = 0.05
+"""Standard deviation of the Gaussian filter [s].
+
+Choice: half the power at 2.6 Hz, where most motions have theirs.
+"""
+STEP = 0.05
+"""Time between the instants of the sums [s].
+
+Numerical: one standard deviation of the filter, which nothing passes that varies faster.
+"""
+WINDOW = 2 * np.sqrt(np.pi) * SMOOTHING
+"""Time between instants that are independent behind the filter [s].
+
+Definition: of a Gaussian filter, its equivalent width for the variance.
+"""
+LEAST_SECONDS = 3.0
+"""Seconds below which there is too little to judge.
+
+Choice: 17 independent instants behind the filter.
+"""
+MOST_SAMPLES = 1_000_000
+"""Samples of a sensor behind which its conventions, which do not change, are no longer judged.
+
+Choice: a quarter of an hour at 1 kHz; seconds of computing and 0.5 GB of memory.
+"""
+FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
+MOTION = slice(12, 12 + len(FEATURES))
+WIDTH = MOTION.stop
+CONSTANT = MOTION.start + FEATURES.index("1")
+ALPHA = slice(MOTION.start + regressor.ALPHA.start, MOTION.start + regressor.ALPHA.stop)
+
+
+class WrenchSignal(NamedTuple):
+    """The load cell's signals, n samples."""
+
+    time: Float[np.ndarray, " n"]
+    """Instants of the samples [s], on the same clock as the IMU's."""
+    force: Float[np.ndarray, "n 3"]
+    """Force on the body [N]."""
+    moment: Float[np.ndarray, "n 3"]
+    """Moment on the body [N·m]."""
+
+
+class ImuSignal(NamedTuple):
+    """The IMU's signals, n samples."""
+
+    time: Float[np.ndarray, " n"]
+    """Instants of the samples [s], on the same clock as the load cell's."""
+    angular_velocity: Float[np.ndarray, "n 3"]
+    """Angular velocity of the body [rad/s]."""
+    specific_force: Float[np.ndarray, "n 3"]
+    """Specific force at the IMU [m/s²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConventionSums:
+    """Means of the products of all columns, (25, 25), and how many independent instants they stand for.
+
+    The columns: force [N], moment [N·m], specific force [m/s²], gravity as the gyro carries it along [m/s²], the
+    thirteen features of the motion. Several hypotheses of the same instants stand side by side, leading.
+    """
+
+    gram: Float[np.ndarray, "*m 25 25"]
+    instants: float
+    noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of the noise that the filter removed from force [N] and moment [N·m]."""
+    white: float = 0.0
+    """Part of white noise's variance that passes the filter."""
+
+    @classmethod
+    def stacked(cls, several: Sequence["ConventionSums"]) -> "ConventionSums":
+        """Hypotheses of the same instants, side by side."""
+        return replace(several[0], gram=np.stack([sums.gram for sums in several]))
+
+    def mean(self, columns: slice) -> Float[np.ndarray, "*m k"]:
+        """The mean of some columns."""
+        return self.gram[..., columns, CONSTANT]
+
+    def covariance(self, columns: slice) -> Float[np.ndarray, "*m k k"]:
+        """The covariance of some columns over the run."""
+        mean = self.mean(columns)
+        return self.gram[..., columns, columns] - mean[..., :, None] * mean[..., None, :]
+
+    def changes(self, columns: slice) -> Float[np.ndarray, "*m"]:
+        """The variance of a vector over the run, per component."""
+        return np.asarray(np.trace(self.covariance(columns), axis1=-2, axis2=-1) / 3)
+
+    def size(self, columns: slice) -> float:
+        """The root mean square of a vector's size, of sums without leading axes."""
+        return float(np.sqrt(max(np.trace(self.gram[columns, columns]), 0.0)))
+
+    @property
+    def tilts(self) -> bool:
+        """Whether gravity turns so far in the body, as on a robot arm, that its mean is the smaller part."""
+        return 2 * float(np.linalg.norm(self.mean(SPECIFIC))) ** 2 < self.size(SPECIFIC) ** 2
+
+    def turned(
+        self, *, wrench: Float[np.ndarray, "3 3"] | None = None, imu: Float[np.ndarray, "*m 3 3"] | None = None
+    ) -> "ConventionSums":
+        """The sums with the axes of the wrench or of the IMU turned (or mirrored) by a matrix, or by each of some."""
+        change = np.broadcast_to(np.eye(WIDTH), (*(() if imu is None else imu.shape[:-2]), WIDTH, WIDTH)).copy()
+        if wrench is not None:
+            change[..., FORCE, FORCE] = change[..., MOMENT, MOMENT] = wrench
+        if imu is not None:
+            change[..., SPECIFIC, SPECIFIC] = change[..., GRAVITY, GRAVITY] = imu
+            change[..., MOTION, MOTION] = _turned_features(imu)
+        return replace(self, gram=change @ self.gram @ np.swapaxes(change, -1, -2))
+
+    def scaled(self, columns: slice, factor: float) -> "ConventionSums":
+        """The sums with some of the columns multiplied."""
+        change = np.ones(WIDTH)
+        change[columns] = factor
+        noise = self.noise[0] * change[FORCE.start], self.noise[1] * change[MOMENT.start]
+        return replace(self, gram=self.gram * np.outer(change, change), noise=noise)
+
+
+def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
+    """``T`` with ``features(matrix @ omega, matrix @ alpha) == T @ features(omega, alpha)``."""
+    count = len(FEATURES)
+    change = np.broadcast_to(np.eye(count), (*matrix.shape[:-2], count, count)).copy()
+    change[..., regressor.OMEGA, regressor.OMEGA] = change[..., regressor.ALPHA, regressor.ALPHA] = matrix
+    i, j = np.array(PAIRS).T
+    entries = lambda rows, columns: matrix[..., rows[:, None], columns]  # noqa: E731
+    products = entries(i, i) * entries(j, j) + entries(i, j) * entries(j, i)
+    change[..., regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
+    return change
+
+
+def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:
+    """The sums of a run in SI; None where the sensors have too little time in common, or a sample is not finite."""
+    period = max(float(np.median(np.diff(signal.time))) for signal in (wrench, imu))
+    start, stop = max(wrench.time[0], imu.time[0]), min(wrench.time[-1], imu.time[-1])
+    step = max(period, 0.002)
+    if not 0 < step <= SMOOTHING or stop - start < LEAST_SECONDS:
+        return None
+    grid = np.arange(0.0, stop - start, step)
+    wrenches = _on_grid(wrench.time - start, np.concatenate([wrench.force, wrench.moment], axis=1), grid)
+    motion = _on_grid(imu.time - start, np.concatenate([imu.specific_force, imu.angular_velocity], axis=1), grid)
+    if not (np.isfinite(wrenches).all() and np.isfinite(motion).all()):
+        return None
+    return _smoothed_sums(step, wrenches, motion[:, :3], motion[:, 3:])
+
+
+def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omega: np.ndarray) -> ConventionSums:
+    """The sums of signals on one grid; where the features have alpha stands omega, filtered by the filter's slope."""
+    bell, slope, every = _filter(step)
+    half = len(bell) // 2
+    motion = regressor.features(omega.T, omega.T)
+    columns = [*wrenches.T, *specific.T, *carried_gravity(step, omega, specific).T, *motion]
+    rows = np.stack(
+        [
+            sliding_window_view(column, len(bell))[::every] @ (slope if k in range(WIDTH)[ALPHA] else bell)[::-1]
+            for k, column in enumerate(columns)
+        ],
+        axis=1,
+    )
+    smooth = np.stack([np.convolve(column, bell, mode="valid") for column in wrenches.T], axis=1)
+    rough = wrenches[half : len(wrenches) - half] - smooth
+    noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
+    return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / WINDOW, noise, step / WINDOW)
+
+
+def smoothed(step: float, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
+    """Return uniform samples through the filter of the sums, at instants ``STEP`` apart."""
+    bell, _, every = _filter(step)
+    return np.stack([sliding_window_view(column, len(bell))[::every] @ bell for column in values.T], axis=1)
+
+
+def _filter(step: float) -> tuple[np.ndarray, np.ndarray, int]:
+    """The filter, its derivative, and the samples between the instants that are kept."""
+    half = round(4 * SMOOTHING / step)
+    time = np.arange(-half, half + 1) * step
+    bell = np.exp(-0.5 * (time / SMOOTHING) ** 2)
+    bell /= bell.sum()
+    return bell, -time * bell / (bell @ time**2), max(1, round(STEP / step))
+
+
+def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np.ndarray, "m k"]:
+    """Values at the instants of the grid [s]; a faster sensor's are averaged over its step first."""
+    width = max(1, round(float(grid[1] - grid[0]) / max(float(np.median(np.diff(time))), 1e-9)) | 1)
+    box = np.ones(width) / width
+    smooth = [np.convolve(column, box, mode="same") if width > 1 else column for column in values.T]
+    return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
+
+
+RECALL = 20.0
+"""Time over which the accelerometer tells gravity's direction along axes that the gyro keeps [s].
+
+Choice: longer than periods of a motion, over which acceleration averages out.
+"""
+
+
+def carried_gravity(
+    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """The opposite of gravity in the body frame [m/s²]: the specific force's usual size along its carried direction."""
+    size = float(np.median(np.linalg.norm(specific, axis=1)))
+    return size * carried_attitude(step, omega, specific)[:, 2]
+
+
+def carried_attitude(
+    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3 3"]:
+    """Rotations from B to axes at rest whose z is up, the yaw by the gyro alone.
+
+    The upward direction along the axes at the start is the specific force's mean over ``RECALL`` about each instant.
+    """
+    turns = np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])
+    attitude = cumulative_product(exponentials(turns))
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", attitude, specific), axis=0)])
+    n, half = len(omega), round(RECALL / step / 2)
+    first, last = np.clip(np.arange(n) - half, 0, n), np.clip(np.arange(n) + half + 1, 0, n)
+    up = (total[last] - total[first]) / (last - first)[:, None]
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(up.mean(axis=0))))], up)
+    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+    return np.stack([x, np.cross(up, x), up], axis=1) @ attitude
+
+
+Vector = Float[np.ndarray, "3"]
+Matrix = Float[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class DeclaredRig:
+    """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
+
+    ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
+    which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
+    ``units``: newtons and newton metres in the declared units of force and moment. ``rate_unit``: rad/s in that of the
+    angular velocity. ``quaternion``: matrix from a quaternion to its recorded fields.
+    ``turn``: standard uncertainty of a small turn between IMU and load cell [rad].
+    """
+
+    mass: float | None = None
+    removed: float = 0.0
+    r_cg: Vector | None = None
+    sigma_r_cg: Vector | None = None
+    imu_position: Vector | None = None
+    wrench_point: Vector | None = None
+    wrench_rotation: Matrix | None = None
+    imu_rotation: Matrix | None = None
+    weighed: bool = True
+    turn: Vector = field(default_factory=lambda: np.zeros(3))
+    measured: bool = True
+    units: tuple[float, float] = (1.0, 1.0)
+    rate_unit: float = 1.0
+    quaternion: Float[np.ndarray, "4 4"] | None = None
+
+    @property
+    def lever(self) -> Vector:
+        """Centre of gravity from the IMU [m]; either is taken to be at Q where it is not stated."""
+        r_cg, imu = (np.zeros(3) if r is None else r for r in (self.r_cg, self.imu_position))
+        return r_cg - imu
+
 
 LEAST_MISFIT = 0.01
 """Part of a signal's changes that a fit leaves at least.

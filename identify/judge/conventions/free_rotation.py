@@ -24,13 +24,17 @@ from identify.judge.conventions.axis_hypotheses import (
     signed_axes,
 )
 from identify.judge.conventions.convention_fit import (
+    FORCE,
     FORCE_TERMS,
+    MOMENT,
     MOMENT_TERMS,
     MOMENT_TERMS_WITH_WEIGHT,
     NOT_RIGID,
+    ConventionSums,
+    Matrix,
     Terms,
+    Vector,
 )
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, ConventionSums, Matrix, Vector
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import exponential, rotation_vectors
 from identify.rounding import fixed, with_uncertainty

@@ -1,17 +1,28 @@
-"""Findings on attitude, gravity and the axes of the wrench, by the weight alone: see :mod:`.free_gravity`.
+"""Findings on attitude, gravity and the axes of the wrench, by the weight alone, gravity free along the axes at rest.
 
-Each reading of the recording is one fit. What fits as well as the best is told beside it.
+With specific force f, attitude R from B to axes at rest, a lever's part L b and the load cell's zero, least squares fit
+
+    F = m f + Rᵀ p + L b + F0
+
+p is zero where all is as declared. Weight that a driver removed, gravity along other axes than declared and one that is
+upside down are each a vector p of their own; a wrench along axes at rest fits only when R turns it back, an attitude
+that was written the other way only when it is inverted. So one fit for each reading of the recording tells them; what
+fits as well as the best is told beside it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Literal
+from functools import cached_property, partial
+from typing import Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.judge.conventions.attitude_findings import ORDERS, order_cure, read_as
 from identify.judge.conventions.axis_hypotheses import COSTS, DECISIVE, EQUAL
-from identify.judge.conventions.convention_sums import (
+from identify.judge.conventions.convention_fit import (
+    LEAST_MISFIT,
+    NOT_RIGID,
     SMOOTHING,
     STEP,
     WINDOW,
@@ -22,13 +33,200 @@ from identify.judge.conventions.convention_sums import (
     carried_attitude,
     smoothed,
 )
-from identify.judge.conventions.free_gravity import GravityFit, PosedForce, Rotations
 from identify.judge.conventions.free_rotation import COVERAGE, axes_text, compound
 from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 from identify.rigid_body.rotation import exponential
 from identify.rounding import fixed, with_uncertainty
+
+YAWS = 3600
+"""Turns about the vertical that are tried where the axes at rest are not those of the wrench.
+
+Numerical: a tenth of a degree apart.
+"""
+
+RIDGE = 1e-9
+"""Part of the normal matrix that keeps the mass of a single sample determined.
+
+Numerical: rounding of doubles in the solution.
+"""
+
+LIFT, ZERO = slice(1, 4), slice(4, 7)
+"""Places of p and the zero among the columns of a fit, behind the mass's."""
+
+Rotations = Float[np.ndarray, "n 3 3"]
+Smooth = Callable[[np.ndarray], np.ndarray]
+"""Filter over the samples, first, of some columns."""
+
+
+def unchanged(values: np.ndarray) -> np.ndarray:
+    """Return the samples as they are: of static poses."""
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class GravityFit:
+    """The unknowns of one reading, and what it leaves."""
+
+    values: Float[np.ndarray, " p"]
+    """Mass m [kg], p [N], then zero and lever; m is zero where no specific force is given."""
+    covariance: Float[np.ndarray, "p p"]
+    misfit: float
+    """Mean square of what is left of the force, per component [N²]."""
+
+    @property
+    def mass(self) -> float:
+        """Mass by the specific force [kg]."""
+        return float(self.values[0])
+
+    @property
+    def sigma_mass(self) -> float:
+        """Standard uncertainty of the mass [kg]; infinite where no specific force tells it."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def lift(self) -> Float[np.ndarray, "3"]:
+        """The vector p [N]."""
+        return self.values[1:4]
+
+
+class MassStep(NamedTuple):
+    """A mass that is another from some sample on."""
+
+    sample: int
+    """Index of the first smoothed sample with the other mass."""
+    before: float
+    """Mass before it [kg]."""
+    after: float
+    """Mass from it on [kg]."""
+    misfit: float
+    """Mean square of what is left of the force, per component [N²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedForce:
+    """Forces with attitudes, n samples, all in B and SI."""
+
+    force: Float[np.ndarray, "n 3"]
+    to_rest: Rotations
+    """Rotations R from B to axes at rest."""
+    specific: Float[np.ndarray, "n 3"] | None = None
+    """Specific force [m/s²]; None: not known, or of poses at rest, where R tells it."""
+    levers: Float[np.ndarray, "n 3 3"] | None = None
+    """Specific force of a lever's unit vectors [1/s²]; None: at rest."""
+    smooth: Smooth = unchanged
+    independent: float = 1.0
+    """Part of the smoothed samples that are independent."""
+
+    def turned_back(self, yaw: float = 0.0) -> "PosedForce":
+        """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
+        return self._turned_back(np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]))
+
+    def _turned_back(self, turn: np.ndarray) -> "PosedForce":
+        return replace(self, force=np.einsum("nji,nj->ni", self.to_rest, self.force @ turn.T))
+
+    def turned_to_rest(self) -> "PosedForce":
+        """The force along axes at rest, as it was recorded where it was turned back by mistake."""
+        return replace(self, force=np.einsum("nij,nj->ni", self.to_rest, self.force))
+
+    @cached_property
+    def _answer(self) -> np.ndarray:
+        return self.smooth(self.force)
+
+    @property
+    def changes(self) -> float:
+        """Variance of the smoothed force, per component [N²]."""
+        return float(self._answer.var(axis=0).mean())
+
+    @property
+    def independent_values(self) -> float:
+        """Number of independent components of force."""
+        return self.independent * self._answer.size
+
+    def explained(self, fit: "GravityFit | MassStep") -> bool:
+        """Whether a rigid body explains the force, so that something may be named."""
+        return fit.misfit < NOT_RIGID**2 * self.changes
+
+    def excess(self, fit: GravityFit, best: GravityFit) -> float:
+        """Chi-square of a fit over that of the best one."""
+        variance = max(best.misfit, LEAST_MISFIT**2 * self.changes)
+        return (fit.misfit - best.misfit) * self.independent_values / variance
+
+    def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:
+        """Fit the force.
+
+        Args:
+            lift: whether p is free, otherwise zero.
+            zero: whether the load cell's zero F0 is free.
+            turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
+        """
+        rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
+        values, _, rank, _ = np.linalg.lstsq(rows, answer, rcond=1e-9)
+        misfit = float(np.mean((answer - rows @ values) ** 2))
+        free = max(1 - rank / self.independent_values, 0.1)
+        variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
+        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+        if self.specific is None:
+            covariance[0, 0] = np.inf
+        return GravityFit(values, covariance, misfit)
+
+    @cached_property
+    def _columns(self) -> np.ndarray:
+        """Smoothed columns of m, p, zero and lever, (k, 3, columns)."""
+        n = len(self.force)
+        specific = np.zeros((n, 3)) if self.specific is None else self.specific
+        levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
+        zero = np.broadcast_to(np.eye(3), (n, 3, 3))
+        return self._smooth(np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2))
+
+    def _smooth(self, columns: np.ndarray) -> np.ndarray:
+        return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
+
+    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
+        """Rows of a fit, what is not free as zeros; ``turned``: with nine columns of a matrix on the specific force."""
+        columns = self._columns.copy()
+        columns[:, :, LIFT] *= lift
+        columns[:, :, ZERO] *= zero
+        if turned and self.specific is not None:
+            matrix = np.einsum("ij,nk->nijk", np.eye(3), self.specific).reshape(-1, 3, 9)
+            columns = np.concatenate([columns, self._smooth(matrix)], axis=2)
+        return columns.reshape(-1, columns.shape[2])
+
+    def mass_step(self) -> MassStep:
+        """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
+        rows, unit = np.delete(self._columns, np.r_[LIFT, ZERO], axis=2), np.eye(3)
+        count = rows.shape[2]
+        answer, n = self._answer, len(rows)
+        grams = np.einsum("nij,nik->njk", rows, rows)
+        loose = RIDGE * grams.sum(axis=0) * np.eye(count)
+        normal, right = np.zeros((n - 1, 2 * count + 3, 2 * count + 3)), np.zeros((n - 1, 2 * count + 3))
+        normal[:, -3:, -3:], right[:, -3:] = n * unit, answer.sum(axis=0)
+        products = np.einsum("nij,ni->nj", rows, answer)
+        totals = [np.cumsum(values, axis=0) for values in (grams, rows, products)]
+        parts = [x[:-1] for x in totals], [x[-1] - x[:-1] for x in totals]
+        for place, (gram, total, product) in zip((0, count), parts, strict=True):
+            here = slice(place, place + count)
+            normal[:, here, here], right[:, here] = gram + loose, product
+            normal[:, -3:, here], normal[:, here, -3:] = total, total.swapaxes(1, 2)
+        values = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        misfit = ((answer**2).sum() - (right * values).sum(axis=1)) / answer.size
+        at = int(np.argmin(misfit))
+        return MassStep(at + 1, float(values[at, 0]), float(values[at, count]), float(misfit[at]))
+
+    def best_yaw(self) -> float:
+        """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""
+        # the force turned back is linear in (cos, sin, 1) of the yaw, and so is what the rows leave of it
+        turns = np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]), np.diag([0.0, 0, 1])
+        answers = np.stack([self._turned_back(turn)._answer.reshape(-1) for turn in turns], axis=1)
+        rows = self._rows(lift=True, zero=True, turned=False)
+        values, *_ = np.linalg.lstsq(rows, answers, rcond=1e-9)
+        residuals = answers - rows @ values
+        yaws = np.linspace(-np.pi, np.pi, YAWS, endpoint=False)
+        directions = np.stack([np.cos(yaws), np.sin(yaws), np.ones(YAWS)])
+        misfits = np.einsum("ik,ij,jk->k", directions, residuals.T @ residuals, directions)
+        return float(yaws[int(np.argmin(misfits))])
+
 
 LEAST_ANGLE = np.radians(3.0)
 """Angle between the weight and the declared gravity from which another gravity is named.
@@ -183,8 +381,6 @@ class _Judgement:
         specific = np.einsum("nji,nj->ni", to_rest, at_rest)
         return replace(self.posed, to_rest=to_rest, specific=specific, levers=None)
 
-    # Axes of the wrench
-
     def _other_frame(self) -> tuple[PosedForce, float]:
         """The force along the axes of the other kind, and the yaw between axes at rest."""
         if self.attitude.turned_back:
@@ -211,8 +407,6 @@ class _Judgement:
         right = np.pi / 2 * round(yaw / (np.pi / 2))
         return float(right if abs(yaw - right) < LEAST_YAW else yaw)
 
-    # Mass
-
     def _changed_mass(self) -> GravityVerdict:
         """The body was grasped or put down midway, where that explains what no single body does."""
         step = self.posed.mass_step()
@@ -224,8 +418,6 @@ class _Judgement:
         masses = {"before": fixed(step.before, 2), "after": fixed(step.after, 2)}
         found = Finding.CHANGED_MASS.on(self.topic, time=fixed(at, 1), option=option, **masses)
         return GravityVerdict([found], final=True)
-
-    # Gravity
 
     def _gravity(self, fit: GravityFit, doubt: str) -> GravityVerdict:
         gravity = self.attitude.gravity

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import signed_axes
-from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body import regressor

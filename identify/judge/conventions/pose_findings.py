@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import DECISIVE, EQUAL
-from identify.judge.conventions.convention_sums import Vector
-from identify.judge.conventions.free_gravity import PosedForce, Rotations
-from identify.judge.conventions.gravity_findings import AXIS, READINGS, along_axis, gravity_text
+from identify.judge.conventions.convention_fit import Vector
+from identify.judge.conventions.gravity_findings import AXIS, READINGS, PosedForce, Rotations, along_axis, gravity_text
 from identify.judge.findings import Contradiction, Finding
 
 CHANGE = 20.0

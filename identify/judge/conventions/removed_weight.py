@@ -10,16 +10,20 @@ from identify.judge.conventions.axis_hypotheses import DECISIVE, LARGEST_LEVER, 
 from identify.judge.conventions.convention_fit import (
     ACCELERATION,
     COUNTERWEIGHT_AT,
+    FORCE,
     FORCE_TERMS,
     LEVER,
+    MOMENT,
     MOMENT_TERMS,
     MOMENT_TERMS_WITH_WEIGHT,
     NOT_RIGID,
     OFFSET,
     OFFSET_AT,
+    SPECIFIC,
     WEIGHT,
+    ConventionSums,
+    DeclaredRig,
 )
-from identify.judge.conventions.convention_sums import FORCE, MOMENT, SPECIFIC, ConventionSums, DeclaredRig
 
 AIR = 1.0
 """Density below which no body on a load cell is [kg/m³].

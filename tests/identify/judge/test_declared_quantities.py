@@ -6,7 +6,7 @@ import pytest
 from identify.joint.joint_model import COUNT, SLICES
 from identify.joint.prior_departure import FAR
 from identify.joint.priors import ConstantError, Prior
-from identify.judge.declared_quantities import departing_declarations
+from identify.judge.held_errors import departing_declarations
 from identify.judge.run_fit import RunFit
 from identify.methods.base import Problem
 from identify.results.declaration import CONTRADICTED, contradicted

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.judge.conventions import axis_hypotheses, convention_fit, convention_sums
-from identify.judge.conventions.convention_sums import ImuSignal, WrenchSignal
+from identify.judge.conventions import axis_hypotheses, convention_fit
+from identify.judge.conventions.convention_fit import ImuSignal, WrenchSignal
 from identify.rigid_body.rotation import exponential
 from tests.helpers.spoiled_runs import T1, sensors
 
@@ -19,7 +19,7 @@ def good():
 
 def sums(run):
     start, wrench, imu = run.wrench.stamp[0], run.wrench, run.imu
-    return convention_sums.convention_sums(
+    return convention_fit.convention_sums(
         WrenchSignal((wrench.stamp - start) * 1e-9, wrench.force, wrench.moment),
         ImuSignal((imu.stamp - start) * 1e-9, imu.angular_velocity, imu.linear_acceleration),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from tests.helpers.spoiled_runs import other_body
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from identify.judge.conventions.convention_sums import DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.wrench_findings import wrench_findings
 from tests.helpers import wrist_runs
 from tests.helpers.spoiled_runs import SPOILED, T1, declared, other_body, sensors

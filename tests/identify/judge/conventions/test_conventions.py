@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.judge.conventions import convention_fit, convention_sums
+from identify.judge.conventions import convention_fit
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import PAIRS
 
@@ -20,10 +20,10 @@ def test_the_equations_are_exact(generator):
     moment = np.cross(r, force) + alpha @ tensor + np.cross(omega, omega @ tensor)
     products = np.stack([omega[:, i] * omega[:, j] for i, j in PAIRS], axis=1)
     rows = np.hstack([force, moment, specific, draw[:, 9:12], np.ones((n, 1)), omega, products, alpha])
-    whole = convention_sums.ConventionSums(rows.T @ rows / n, float(n))
-    of_force = convention_fit.solve(whole, convention_fit.FORCE_TERMS, convention_sums.FORCE, variance=1.0)
+    whole = convention_fit.ConventionSums(rows.T @ rows / n, float(n))
+    of_force = convention_fit.solve(whole, convention_fit.FORCE_TERMS, convention_fit.FORCE, variance=1.0)
     np.testing.assert_allclose(of_force.values, [mass, *(mass * lever), 0, 0, 0], atol=1e-7)
-    of_moment = convention_fit.solve(whole, convention_fit.MOMENT_TERMS, convention_sums.MOMENT, variance=1.0)
+    of_moment = convention_fit.solve(whole, convention_fit.MOMENT_TERMS, convention_fit.MOMENT, variance=1.0)
     np.testing.assert_allclose(of_moment.values, [*r, *inertia, 0, 0, 0], atol=1e-7)
     assert abs(of_force.misfit) + abs(of_moment.misfit) < 1e-4
 
@@ -39,8 +39,8 @@ def test_carried_gravity_stays_gravity_through_any_turn_and_forgets_a_wrong_read
         attitude = attitude * turn
         gravity[i] = attitude.apply([0, 0, 9.81], inverse=True)
     reading = np.where(time[:, None] < 0.5, [9.81, 0, 0], gravity)
-    carried = convention_sums.carried_gravity(step, omega, reading)
+    carried = convention_fit.carried_gravity(step, omega, reading)
     np.testing.assert_allclose(np.linalg.norm(carried, axis=1), 9.81, rtol=1e-9)
     miss = np.linalg.norm(carried - gravity, axis=1) / 9.81
-    assert miss[time > 0.5 + convention_sums.RECALL / 2].max() < 0.005  # half a step's turn is 0.003
+    assert miss[time > 0.5 + convention_fit.RECALL / 2].max() < 0.005  # half a step's turn is 0.003
     assert miss[0] > 0.02

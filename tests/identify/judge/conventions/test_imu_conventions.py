@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.judge.conventions.convention_sums import ImuSignal
+from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import accelerometer_axes, in_free_fall, wrong_units
 from tests.helpers import wrist_runs
 from tests.helpers.thrown_bodies import throw
