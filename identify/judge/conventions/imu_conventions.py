@@ -199,3 +199,12 @@ def _correlation(imu: ImuSignal, axes: np.ndarray) -> float:
     x, y = turned - turned.mean(axis=0), gravity - gravity.mean(axis=0)
     size = float(np.sqrt((x * x).sum() * (y * y).sum()))
     return float((x * y).sum()) / size if size > 1e-9 else 0.0
+
+
+def in_si(imu: ImuSignal) -> ImuSignal:
+    """Return the signal with what is probably in deg/s or g converted to SI."""
+    wrong = wrong_units(imu)
+    return imu._replace(
+        angular_velocity=imu.angular_velocity * (np.pi / 180 if "deg/s" in wrong else 1.0),
+        specific_force=imu.specific_force * (STANDARD_GRAVITY if "g" in wrong else 1.0),
+    )

@@ -55,7 +55,7 @@ from identify.judge.conventions.free_rotation import (
     small_turn_text,
 )
 from identify.judge.conventions.gravity_findings import AttitudeSignal, run_gravity
-from identify.judge.conventions.imu_conventions import STANDARD_GRAVITY, in_free_fall, wrong_units
+from identify.judge.conventions.imu_conventions import in_free_fall, in_si
 from identify.judge.conventions.removed_weight import (
     AIR,
     CERTAIN,
@@ -91,6 +91,13 @@ COSTS = {"one system": 2.0, "two systems": 6.0}
 
 Choice: the order alone counts, the likelier mistake first; all are far below ``DECISIVE``.
 """
+CONSISTENT = 30.0
+"""Chi-square, of up to seven degrees of freedom, above which units explain nothing.
+
+Chance: 1e-4. Of the right units 1 to 7.
+"""
+FARTHEST = 0.5
+"""Choice: distance of another point up to which it is a rival of another unit of the moment; no rig is larger [m]."""
 UNIT_TOLERANCE = 0.1
 """Departure of a ratio from that of a unit, as a standard deviation.
 
@@ -226,12 +233,16 @@ class BodyByWrench:
         return bool(density(mass, smallest) < AIR or density(mass, largest) > HEAVIEST)
 
 
-def other_units(body: BodyByWrench, declared: DeclaredRig) -> list[UnitReading]:
-    """Return the units that explain the run far better than those declared, the best first; none where none do."""
+def other_units(body: BodyByWrench, declared: DeclaredRig, elsewhere: bool) -> list[UnitReading]:
+    """Return the units that explain the run far better than those declared, the best first; none where none do.
+
+    ``elsewhere``: another point does as well, with three free coordinates: a unit of the moment must do so entirely.
+    """
     readings = list(unit_readings(*declared.units))
     scores = [body.misfit(reading, declared) for reading in readings]
     least = min(scores)
-    if not least < min(scores[0] - DECISIVE, DECISIVE):
+    rival = elsewhere and readings[scores.index(least)].force_factor == 1.0
+    if not least < min(scores[0] - DECISIVE, EQUAL if rival else CONSISTENT):
         return []
     order = [k for k in np.argsort(scores) if scores[k] < least + EQUAL]
     return [readings[k] for k in order]
@@ -279,7 +290,7 @@ def wrench_findings(
     """
     if min(len(wrench.time), len(imu.time)) < 10 or not all((np.diff(s.time) > 0).all() for s in (wrench, imu)):
         return []
-    imu = _in_si(imu)
+    imu = in_si(imu)
     sums = convention_sums(wrench, imu)
     if sums is None or sums.size(SPECIFIC) < LEAST_GRAVITY or in_free_fall(imu):
         return []
@@ -292,14 +303,6 @@ def wrench_findings(
         change = np.einsum("nji,j->ni", attitude.to_rest, attitude.gravity - verdict.gravity)
         sums = convention_sums(wrench, imu._replace(specific_force=imu.specific_force + change)) or sums
     return [*verdict.findings, *_Examination(sums, declared, wrench_topic, imu_topic).findings()]
-
-
-def _in_si(imu: ImuSignal) -> ImuSignal:
-    wrong = wrong_units(imu)
-    return imu._replace(
-        angular_velocity=imu.angular_velocity * (np.pi / 180 if "deg/s" in wrong else 1.0),
-        specific_force=imu.specific_force * (STANDARD_GRAVITY if "g" in wrong else 1.0),
-    )
 
 
 SIGN_DOUBT = "; the other sign of the accelerometer, or of force and moment, fits as well: this motion does not tell"
@@ -426,11 +429,15 @@ class _Examination:
             sums=self.sums, given=given, mass=mass, uncertainty=sigma, centre=self._centre(self.sums),
             by_motion=motion is not None,
         )  # fmt: skip
-        readings, declared = other_units(body, self.declared), self.declared.mass
+        distance, where = self._elsewhere() or (np.inf, "")
+        readings, declared = other_units(body, self.declared, distance < FARTHEST), self.declared.mass
         if readings:
             best, *rivals = readings
             self.sums = best.applied(self.sums)
-            doubt = "".join(f"; or {rival.lines()}, which fits as well" for rival in rivals)
+            lines = [rival.lines() for rival in rivals]
+            if best.force_factor == 1.0 and distance < FARTHEST:
+                lines.append(f"wrench_point = [{where}]")
+            doubt = "".join(f"; or {line}, which fits as well" for line in lines)
             weighs = significant(best.force_factor * mass, 3)
             shown = significant(mass, 3)
             yield Finding.UNITS.on(self.wrench, shown=shown, mass=weighs, doubt=doubt, lines=best.lines())
@@ -471,16 +478,21 @@ class _Examination:
         return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
 
     def _point(self) -> Iterator[Contradiction]:
+        for distance, where in filter(None, [self._elsewhere()]):
+            unknown = "; what is ? the motion does not tell" * ("?" in where)
+            yield Finding.OTHER_POINT.on(self.wrench, distance=1e3 * distance, where=where, unknown=unknown)
+
+    def _elsewhere(self) -> tuple[float, str] | None:
+        """Distance [m] and coordinates of the point that the moment is about, if not Q, by the declared r_CG."""
         if self.declared.r_cg is None:
-            return
+            return None
         centre = self._centre(self.sums)
         shift, covariance = self._shift(centre)
         certain = np.diag(centre.undetermined) < TOLD
         chi_square = float(shift @ np.linalg.solve(covariance, shift))
-        if chi_square < CERTAIN_SHIFT or float(np.linalg.norm(shift[certain])) < LEAST_SHIFT:
-            return
+        distance = float(np.linalg.norm(shift[certain]))
+        if chi_square < CERTAIN_SHIFT or distance < LEAST_SHIFT:
+            return None
         point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
         where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
-        unknown = "" if certain.all() else "; what is ? the motion does not tell"
-        distance = 1e3 * np.linalg.norm(shift[certain])
-        yield Finding.OTHER_POINT.on(self.wrench, distance=distance, where=where, unknown=unknown)
+        return distance, where

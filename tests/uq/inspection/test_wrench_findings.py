@@ -10,7 +10,7 @@ import pytest
 from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.wrench_findings import wrench_findings
 from tests.helpers import wrist_runs
-from tests.helpers.spoiled_runs import SPOILED, T1, declared, other_body, sensors
+from tests.helpers.spoiled_runs import SPOILED, T1, declared, elsewhere, other_body, sensors
 from tests.helpers.thrown_bodies import throw
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
@@ -60,6 +60,13 @@ def test_what_was_done_is_named_with_a_cure_that_silences_and_restores(tmp_path,
 
 
 BOTH_CURES = ("permuted load-cell axes",)  # either sensor may be the turned one: the line for the IMU stands first
+
+
+@pytest.mark.parametrize("height", [0.045, 0.06])
+def test_a_point_that_another_unit_would_nearly_explain_is_a_point(tmp_path, height):
+    """In kgf·m the centre of gravity would lie four to six standard deviations from the declared one."""
+    run = elsewhere(good(), np.array([0.0, 0.0, height]))
+    assert [finding.kind for finding in judged(run.write(tmp_path / "run.mcap"), T1)] == ["point"]
 
 
 def test_either_of_two_turned_sensors_may_be_declared(tmp_path):

@@ -127,11 +127,13 @@ def arm_title(report: ArmDesignReport) -> str:
     moments, products = (
         f"{GRAM_METRE * least[what]:.3g} g·m² ({_change(least[what], random[what])} %)" for what in BOTH
     )
+    floor = " and ".join(f"{GRAM_METRE * x:.3g} g·m²" for x in design.with_undeclared.averages.values())
     contact = f"{len(run.contacts)} contacts" if run.contacts else "no contact"
     follows = max(run.tracking_error.tolist())
     return (
         f"Average 3σ of the moments {moments} and of the products {products}, "
         f"against the best random series of the same {design.duration:g} s.\n"
+        f"With undeclared errors of the load cell at typical size: {floor}.\n"
         f"Most used: {design.designed.peaks[0]}.\n"
         f"Simulated in MuJoCo: joints within {follows:.2g} rad or m of their command, {contact}."
     )
