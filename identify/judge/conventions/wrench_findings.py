@@ -478,7 +478,9 @@ class _Examination:
         return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
 
     def _point(self) -> Iterator[Contradiction]:
-        for distance, where in filter(None, [self._elsewhere()]):
+        place = self._elsewhere()
+        if place is not None:
+            distance, where = place
             unknown = "; what is ? the motion does not tell" * ("?" in where)
             yield Finding.OTHER_POINT.on(self.wrench, distance=1e3 * distance, where=where, unknown=unknown)
 
