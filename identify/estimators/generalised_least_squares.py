@@ -25,11 +25,11 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.declared_effects import DeclaredError, residual_changes
-from identify.estimators.excitation import excitation
 from identify.estimators.offsets import Offsets, rested, resting
 from identify.estimators.run_information import (
     Information,
     alpha_noise,
+    excitation,
     gain_error,
     information_of_lines,
     without_offsets,

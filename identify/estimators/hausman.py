@@ -3,7 +3,7 @@
 Where the errors are what both estimates take them for, they differ by no more than the covariance of their difference;
 a moment that the model lacks moves them apart (Hausman 1978, doi:10.2307/1913827). Here weights are compared with
 ordinary least squares, and with the same weights and unknowns for what follows the motion: they decide which estimate
-is the answer. :mod:`identify.judge.specification` compares ordinary least squares with the joint fit of force and
+is the answer. :mod:`identify.judge.run_fit` compares ordinary least squares with the joint fit of force and
 moment, where no cause was named.
 """
 

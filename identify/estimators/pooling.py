@@ -15,8 +15,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.estimators.excitation import Excitation, excitation
-from identify.estimators.run_information import Information
+from identify.estimators.run_information import Excitation, Information, excitation
 from identify.rigid_body.inertial_parameters import by_component
 from identify.signals.run import RunError
 

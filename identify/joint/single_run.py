@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identify.estimators.excitation import excitation
+from identify.estimators.run_information import excitation
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, unknowns

@@ -24,9 +24,8 @@ from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, SpecificForce
 from identify.joint.priors import PriorBlock, error_blocks, root_of
 from identify.joint.single_run import Setting
-from identify.judge.judged_result import declared_of, rows_in_band, start_of
+from identify.judge.judged_result import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
-from identify.judge.weight import falls
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import STILL_WITHIN, specific_force_source
 from identify.results.held_out_result import HeldOut, HeldOutRun

@@ -1,4 +1,7 @@
-"""Every estimator's result, judged by force and moment of its runs: causes are named, intervals widened."""
+"""Every estimator's result, judged by force and moment of its runs: causes are named, intervals widened.
+
+In free flight nothing tells the attitude, and no cause can be judged.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,19 +13,29 @@ from identify.exceptions import RunError
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import Alignment, PriorBlock, error_blocks
 from identify.joint.single_run import Setting
-from identify.judge import held_errors, specification
+from identify.judge import held_errors
 from identify.judge.causes import FollowedCause, followed, gyro_axes
+from identify.judge.conventions.convention_fit import ImuSignal
+from identify.judge.conventions.imu_conventions import in_free_fall
+from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.judge.evidence import Evidence
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.held_errors import GYRO, by_held_errors
 from identify.judge.resonance import ResonancePeak, lines_of, resonance, saturated
-from identify.judge.run_fit import RunFit, fit_run, tensor_change
-from identify.judge.weight import LEAST_WEIGHT, falls, lasting
+from identify.judge.run_fit import (
+    DIFFERENT,
+    RunFit,
+    fit_run,
+    least_squares_cause,
+    least_squares_difference,
+    tensor_change,
+)
 from identify.methods.base import Problem
 from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
+from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.rounding import significant
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
@@ -66,6 +79,11 @@ MOST_PERIODS = 5_000
 Choice: half an hour of a motion up to 2.5 Hz; half a gigabyte of memory.
 """
 ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
+AXES_KEPT = 10.0
+"""Seconds over which a gyro keeps axes, whatever its bias.
+
+Choice: a bias of 0.02 rad/s turns them by 0.2 rad, which leaves 98 % of a mean.
+"""
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -202,9 +220,9 @@ def _of_run(
         )
         total = total + shift
     if not named and not verdicts:
-        apart = specification.difference(fits[-1], bases[-1], np.nan_to_num(result.standard_uncertainty))
-        if apart.chance < specification.CHANCE:
-            verdicts.append(specification.cause(apart, run.name))
+        apart = least_squares_difference(fits[-1], bases[-1], np.nan_to_num(result.standard_uncertainty))
+        if apart.chance < DIFFERENT:
+            verdicts.append(least_squares_cause(apart, run.name))
             total = np.hypot(total, apart.value)
     lines = [] if result.method == "joint" else lines_of(run, result)
     imitated = bool(named) and best.explained <= EXPLAINS
@@ -342,3 +360,35 @@ def start_of(result: Identification) -> dict[str, np.ndarray]:
     return {"inertia": result.inertia, "r_cg": result.r_cg} | {
         name: part.value for name, part in aligned.items() if part is not None
     }
+
+
+def falls(run: Run, result: Identification, problem: Problem) -> bool:
+    """Return whether a run shows no weight, or no force at all.
+
+    An accelerometer tells it by itself: a force without the weight that it shows is an error, to be judged.
+    """
+    if not np.abs(run.force).max() > 0:
+        return True
+    read = run.specific_force
+    if read is not None and lasting(run, read) < LEAST_WEIGHT * problem.gravity:
+        return in_free_fall(ImuSignal(run.t, run.omega, read))  # or the gyro is wrong
+    mass = problem.mass or result.mass
+    needed = read is None or problem.cg_motion == "still"
+    return bool(needed and mass is not None and lasting(run, run.force) < LEAST_WEIGHT * mass * problem.gravity)
+
+
+def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:
+    """Return the size of what stays of a vector: of its mean in B, or in axes that the gyro keeps, if that is larger.
+
+    On a robot arm, which turns the body all ways, gravity has hardly a mean in B.
+    """
+    count, squares, samples = max(round(AXES_KEPT * run.rate), 1), 0.0, 0
+    for segment in run.used():
+        omega, values = run.omega[segment], vectors[segment]
+        for first in range(0, len(values), count):
+            part = slice(first, first + count)
+            attitude = cumulative_product(exponentials(omega[part] / run.rate))
+            mean = np.einsum("nij,nj->i", attitude, values[part]) / len(attitude)
+            squares, samples = squares + len(attitude) * float(mean @ mean), samples + len(attitude)
+    in_body = float(np.linalg.norm(vectors.mean(axis=0)))
+    return max(in_body, float(np.sqrt(squares / samples)) if samples else 0.0)

@@ -2,23 +2,31 @@
 
 Gauss–Newton on the joint model's rows, on the lines of the cosine transform up to the motion's band: above it the
 motion's derivatives hold the gyro's noise, which the residuals hold, too.
+
+Ordinary least squares stand beside it: errors that both take for noise move them alike, what the model lacks moves them
+apart (:mod:`identify.estimators.hausman`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.estimators.hausman import EstimateDifference
 from identify.joint.gauss_newton import linearised
-from identify.joint.joint_model import SpecificForce
+from identify.joint.joint_model import Model, SpecificForce, unknowns
+from identify.joint.motion_signals import MotionSignals
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
-from identify.joint.priors import Prior
-from identify.joint.single_run import Setting, gyro_noise, prepared
-from identify.judge.evidence import Base
-from identify.judge.force_of_motion import with_force_of_motion
+from identify.joint.priors import Alignment, Prior
+from identify.joint.single_run import Setting, gyro_noise, prepared, start_bias, start_up
+from identify.judge.evidence import Base, spectrum
+from identify.judge.findings import MATTERS, Finding, signed
+from identify.results.declaration import ResidualCause
+from identify.rigid_body.rotation import exponential
+from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
 from identify.sums.row_products import products, solution
@@ -37,6 +45,11 @@ OVER_BAND = 1.2
 """Highest frequency that is compared, over the motion's.
 
 Choice: smoothers pass it whole; above, derivatives of the motion hold the gyro's noise.
+"""
+DIFFERENT = 1e-6
+"""Chance of as large a difference of ordinary least squares below which it counts.
+
+Chance: far below that of the named causes (1e-4), since the covariance counts as known and is from few lines.
 """
 
 
@@ -133,6 +146,34 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
     return fit
 
 
+def with_force_of_motion(model: Model, theta: np.ndarray, alignment: Alignment) -> Model:
+    """Return a run whose force is weight along the upward direction and mass times acceleration, by least squares.
+
+    Where only moments about r_CG are compared: a cause's signals hold the force, and the measured one has noise that
+    the residuals ``M - r × F`` hold, too, so that they would seem to follow the cause. The moment changes along, so
+    that the moment about r_CG stays as it is.
+
+    Args:
+        model: the run; unchanged where there is no force.
+        theta: unknowns, whose r_CG is that of the moment.
+        alignment: prior of delay and rotation.
+    """
+    rows = model.rows
+    if not np.linalg.norm(rows.force, axis=0).min() > 0:
+        return model
+    x, to_imu = unknowns(theta), exponential(np.asarray(alignment.rotation, float)).T
+    bias = start_bias(model, to_imu, alignment)
+    everywhere = replace(model, up=start_up(model, to_imu, bias), used=np.ones_like(rows.used))
+    signals = MotionSignals(everywhere, {**x, "gyro_bias": bias})
+    unit = np.broadcast_to(np.eye(3), (len(rows.t), 3, 3))
+    columns = np.concatenate([signals.up[:, :, None], signals.levers, unit], axis=2)
+    used = columns[rows.used].reshape(-1, 7)
+    coefficients = np.linalg.lstsq(used, rows.force.T[rows.used].ravel(), rcond=1e-10)[0]
+    force = (columns @ coefficients).T
+    moment = rows.moment + np.cross(x["r_cg"], force - rows.force, axisb=0).T
+    return replace(model, rows=replace(rows, force=force, moment=moment))
+
+
 def _covariance(
     remaining: np.ndarray, whitener: np.ndarray, force_from: SpecificForce, count: int
 ) -> Float[np.ndarray, "rows rows"]:
@@ -158,3 +199,37 @@ def tensor_change(
         normal += weight * products(rows, rows)
         right += weight * products(rows, moment)
     return solution(normal, right)
+
+
+def least_squares_cause(apart: EstimateDifference, run: str) -> ResidualCause:
+    """Return the difference as a finding on a run."""
+    component, value, expected = apart.largest
+    return Finding.LEAST_SQUARES.cause(
+        run, axis="", share=0.0, difference=signed(value), component=component, expected=significant(expected, 2)
+    )
+
+
+def least_squares_difference(fit: RunFit, base: Base, standard_uncertainty: np.ndarray) -> EstimateDifference:
+    """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
+
+    Args:
+        fit: the run at its best.
+        base: its unknowns, and what else is declared.
+        standard_uncertainty: of the estimate that is judged, (6,) [kg·m²].
+    """
+    at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
+    about_cg = np.eye(3)
+    if at.force_from != "none":
+        about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, about_cg])  # M - r × F of a wrench
+    moved = np.zeros((*at.regressor.shape[:1], 6, 6))
+    moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
+    rows = back @ fit.transformed(moved)
+    inverse = np.linalg.inv(products(rows, rows))
+    gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
+    value = np.einsum("miq,mi->q", gain, base.residuals)
+    noise = gain * np.sqrt(spectrum(base.residuals, 1 - base.leverage))[:, :, None]
+    along = products(base.columns, gain)
+    covariance = products(noise, noise) - along.T @ np.linalg.solve(base.normal, along)
+    values, vectors = np.linalg.eigh(covariance)
+    no_news = np.diag((MATTERS * standard_uncertainty) ** 2)
+    return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)

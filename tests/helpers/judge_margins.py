@@ -9,7 +9,7 @@ import argparse
 
 import numpy as np
 
-from identify.judge import causes, judged_result, resonance, specification
+from identify.judge import causes, judged_result, resonance
 from identify.judge.conventions import axis_hypotheses, free_rotation, imu_conventions, removed_weight, wrench_findings
 from identify.judge.conventions.convention_fit import (
     FORCE,
@@ -20,7 +20,8 @@ from identify.judge.conventions.convention_fit import (
     convention_sums,
 )
 from identify.judge.evidence import Base, evidence
-from identify.judge.weight import lasting
+from identify.judge.judged_result import lasting
+from identify.judge.run_fit import DIFFERENT, least_squares_difference
 from identify.signals.power_spectrum import welch
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_mechanics import GRAVITY
@@ -34,7 +35,7 @@ LIMITS = {
     "log Bayes factor of the best cause": ("≤", causes.LIKELY),
     "chance of the best cause": ("≥", causes.CHANCE),
     "residuals in the band over those above": ("≤", judged_result.UNEXPLAINED),
-    "chance of least squares' difference": ("≥", specification.CHANCE),
+    "chance of least squares' difference": ("≥", DIFFERENT),
     "part of what lies above the motion's band in one peak": ("≤", resonance.MOST),
     "chi-square of other axes, less that as declared": ("≥", -axis_hypotheses.DECISIVE),
     "chi-square of a small turn": ("≤", free_rotation.CERTAIN_SHIFT),
@@ -89,7 +90,7 @@ def _of_residuals(measured):
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]
     return (
         max(verdict.logarithm for verdict in judged), min(verdict.chance for verdict in judged),
-        original(fit, *declared).unexplained, specification.difference(fit, fit.base, result.standard_uncertainty).chance,
+        original(fit, *declared).unexplained, least_squares_difference(fit, fit.base, result.standard_uncertainty).chance,
         max(resonance._peak(frequency, column, resonance.ABOVE * band)[1]
             for frequency, density in spectra for column in density.T),
     )  # fmt: skip

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators.excitation import excitation
+from identify.estimators.run_information import excitation
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import omega_r
 
