@@ -39,6 +39,9 @@ VALUES = {
     'name = "F_bias"': [*in_quotes("name", "x" * 100_000, "", r"a\nb", r"\u0000", r"\u001b[31m"), "name = 3"],
     'kind = "precision"': in_quotes("kind", "z" * 3000, "", r"bias\n"),
     "[trajectory.T1]": [r'[trajectory."a\n"]', f'[trajectory."{"x" * 500}"]', '[trajectory.""]'],
+    'name = "F_precision"\ntarget = "F"': [
+        'name = "F_precision_on_the_platform"\ntarget = { I11 = "381.3 g*m^2", I22 = "18.5 g*m^2", I33 = "379.1 g*m^2" }',
+    ],
     "[body]": ["[body]\n" + "k" * 5000 + " = 1", '[body]\n"a\\u001b[31m\\nb" = 1', "[body]\nmas = 1"],
 }  # fmt: skip
 
