@@ -29,7 +29,7 @@ def causes(run: PredictedWrench, *, free: frozenset[str]) -> list[Cause]:
 
 def _acting(cause: Cause) -> Cause:
     """A cause without the coefficients that do nothing."""
-    acting = (np.abs(cause.columns).max(axis=(0, 1)) > 0) & (cause.size > 0)
+    acting = cause.columns.any(axis=(0, 1)) & (cause.size > 0)
     return Cause(cause.finding, cause.columns[:, :, acting], cause.size[acting])
 
 
