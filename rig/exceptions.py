@@ -4,8 +4,10 @@ import difflib
 import errno
 from collections.abc import Iterable
 
-ECHO = 60
-"""The most characters of a value that a message repeats."""
+ECHO = 48
+"""The most characters of a value or a name that a message repeats."""
+LISTED = 60
+"""The most characters of a list of names."""
 
 CURES = {
     errno.ENOSPC: "free some space",
@@ -45,7 +47,7 @@ def listed(names: Iterable[str]) -> str:
     """Return names with commas between them, of many the first ones and how many more there are."""
     all_names = [name if _plain(name) else quoted(name) for name in names]
     shown = list(all_names)
-    while len(", ".join(shown)) > ECHO and len(shown) > 1:
+    while len(", ".join(shown)) > LISTED and len(shown) > 1:
         shown.pop()
     more = f" and {len(all_names) - len(shown)} more" if len(shown) < len(all_names) else ""
     return ", ".join(shown) + more

@@ -21,7 +21,7 @@ from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.judge.evidence import Evidence
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.held_errors import GYRO, by_held_errors
-from identify.judge.resonance import ResonancePeak, lines_of, resonance, saturated
+from identify.judge.resonance import lines_of, resonance, saturated
 from identify.judge.run_fit import (
     DIFFERENT,
     RunFit,
@@ -36,7 +36,6 @@ from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.rigid_body.rotation import cumulative_product, exponentials
-from identify.rounding import significant
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
@@ -232,9 +231,10 @@ def _of_run(
         total = np.hypot(total, left_over * result.standard_uncertainty)
     peak = resonance(run, problem.band)
     if peak is not None:
-        mounting_effect = _of_mounting(fits[0], peak, result.inertia)
-        lines = lines or [peak.verdict(run, _adds(mounting_effect))]
-        total = np.hypot(total, mounting_effect)
+        motion = fits[0].prediction.signals
+        by_mounting = peak.added_to_tensor(motion.omega, motion.alpha, result.inertia)
+        lines = lines or [peak.verdict(run, by_mounting)]
+        total = np.hypot(total, by_mounting)
     alone = [cause.evidence for finding, cause in named.items() if finding in exact and not cause.rivals]
     return verdicts + lines, total, alone
 
@@ -243,21 +243,6 @@ def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
     axis, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
     return Finding.UNEXPLAINED.cause(run.name, axis=axis, share=1 - left_over**-2, quantity=quantity, ratio=left_over)
-
-
-def _adds(effect: np.ndarray) -> str:
-    """Return a text on the contribution of a resonant mounting to the tensor; '' where it adds nothing."""
-    if not effect.any():
-        return ""
-    worst = int(np.argmax(np.abs(effect)))
-    return f"; a mounting that does adds {significant(GRAM_METRE * effect[worst], 2)} g·m² to {COMPONENTS[worst]}"
-
-
-def _of_mounting(fit: RunFit, peak: ResonancePeak, inertia: np.ndarray) -> np.ndarray:
-    """Return the relative excess of moments on a mounting that resonates: ``(f/f0)²``; zero for a force's peak."""
-    motion = fit.prediction.signals
-    squared = float((motion.alpha**2).sum() / (motion.omega**2).sum()) / (2 * np.pi) ** 2
-    return inertia * squared / peak.frequency**2 * (peak.quantity == "moment")
 
 
 def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:

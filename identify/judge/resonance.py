@@ -14,6 +14,7 @@ from jaxtyping import Float
 from identify.judge.findings import Finding
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
@@ -65,11 +66,23 @@ class ResonancePeak(NamedTuple):
     rms: float
     """Root mean square of the peak [N], [N·m]."""
 
-    def verdict(self, run: Run, adds: str = "") -> ResidualCause:
-        """Return the peak as a cause, with what it adds to the tensor."""
-        unit = "N" if self.quantity == "force" else "N·m"
+    def added_to_tensor(
+        self, omega: Float[np.ndarray, "n 3"], alpha: Float[np.ndarray, "n 3"], inertia: Float[np.ndarray, "6"]
+    ) -> Float[np.ndarray, "6"]:
+        """Return the tensor's part by which moments on a mounting that resonates at f0 are too large, ``(f/f0)²``.
+
+        Zero for a force's peak.
+        """
+        squared = float((alpha**2).sum() / (omega**2).sum()) / (2 * np.pi) ** 2
+        return inertia * squared / self.frequency**2 * (self.quantity == "moment")
+
+    def verdict(self, run: Run, added: Float[np.ndarray, "6"]) -> ResidualCause:
+        """Return the peak as a cause, with what a mounting that resonates adds to the tensor [kg·m²]."""
+        unit, worst = "N" if self.quantity == "force" else "N·m", int(np.argmax(np.abs(added)))
+        change = f"{significant(GRAM_METRE * added[worst], 2)} g·m² to {COMPONENTS[worst]}"
         return Finding.RESONANCE.cause(
-            run.name, axis=f"b{self.axis + 1}", share=self.share, adds=adds, quantity=self.quantity,
+            run.name, axis=f"b{self.axis + 1}", share=self.share,
+            adds=f"; a mounting that does adds {change}" if added.any() else "", quantity=self.quantity,
             frequency=significant(self.frequency), size=f"{significant(self.rms, 2)} {unit}",
         )  # fmt: skip
 

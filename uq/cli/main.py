@@ -20,7 +20,7 @@ from uq.files.mistakes import MISTAKES
 from uq.terminal.command_parser import CommandParser, complain
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
-from uq.terminal.standard_streams import ShownText, shown_streams
+from uq.terminal.standard_streams import ShownText, open_closed_streams, shown_streams
 from uq.terminal.terminal_bar import ReadingBar
 from uq.terminal.watchdog import divide
 
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status: 0 done, 1 done but something is missing, 2 bad input."""
     interrupt = Interrupt() if argv is None else None
     if interrupt:
-        _open_closed_streams()
+        open_closed_streams()
         interrupt.listen()
     with shown_streams(to_the_end=interrupt is not None):
         return _status(list(sys.argv[1:] if argv is None else argv), interrupt)
@@ -211,13 +211,6 @@ def _memory_limit() -> int | None:
         return None
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     return None if limit == resource.RLIM_INFINITY else limit
-
-
-def _open_closed_streams() -> None:
-    """Let a standard stream that is closed lead nowhere: else the next file that is opened takes its place."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  its number is the lowest free
 
 
 def _is_unicode(text: str) -> bool:

@@ -5,11 +5,10 @@ import contextlib
 import sys
 from typing import Any, NoReturn
 
-from rig.exceptions import on_one_line
+from rig.exceptions import on_one_line, quoted
 
-LONGEST = 190
-"""Most characters of a complaint, which may repeat long values, names and paths: of a longer one both ends are shown,
-what is wrong and where."""
+LONGEST = 150
+"""Most characters of a complaint about an option that are shown as they are; it repeats whatever was typed."""
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -32,14 +31,11 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End the program with the message in one line."""
-        complain(f"{message}; see '{self.prog} --help'")
+        complain(f"{message if len(message) <= LONGEST else quoted(message)}; see '{self.prog} --help'")
         self.exit(2)
 
 
 def complain(message: str) -> None:
     """Print an error in one line."""
-    text = on_one_line(message)
-    if len(text) > LONGEST:
-        text = f"{text[: LONGEST - 80]}…{text[-79:]}"
     with contextlib.suppress(OSError):  # nobody hears it
-        print(f"error: {text}", file=sys.stderr, flush=True)
+        print(f"error: {on_one_line(message)}", file=sys.stderr, flush=True)

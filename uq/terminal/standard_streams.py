@@ -7,6 +7,7 @@ them goes past that, by :func:`uncontrolled`.
 
 import codecs
 import contextlib
+import os
 import sys
 import unicodedata
 from collections.abc import Iterable, Iterator
@@ -42,6 +43,13 @@ class ShownText:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+def open_closed_streams() -> None:
+    """Let a standard stream that is closed lead nowhere: else the next file that is opened takes its place."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115  its number is the lowest free
 
 
 @contextlib.contextmanager

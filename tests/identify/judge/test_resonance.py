@@ -31,7 +31,7 @@ def test_it_is_found_with_its_frequency_and_size(frequency, damping):
     assert (peak.quantity, peak.axis) == ("moment", 2)
     assert peak.frequency == pytest.approx(frequency, rel=0.05, abs=0.5)
     assert peak.rms == pytest.approx(0.1, rel=0.1)
-    assert f"about {peak.frequency:.1f} Hz" in peak.verdict(run_with(0.0)).text
+    assert f"about {peak.frequency:.1f} Hz" in peak.verdict(run_with(0.0), np.zeros(6)).text
 
 
 def test_noise_is_none_be_it_white_or_coloured():
