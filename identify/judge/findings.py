@@ -276,7 +276,7 @@ class Finding(Enum):
     OTHER_POINT = (
         "point", "force and moment put the centre of gravity {distance:.1f} mm from the declared one",
         "moment taken at another point than Q? set wrench_point = [{where}] in [recording]{unknown}, or correct "
-        "body.r_cg_from_q"
+        "body.r_cg_from_q{doubt}"
     )  # fmt: skip
 
     def __init__(self, label: str, pattern: str, cure: str, write_size: Size | None = None) -> None:

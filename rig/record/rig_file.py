@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.devices import create_device, device_class, kinds
 from rig.devices.base import Device
-from rig.exceptions import RigError
+from rig.exceptions import RigError, listed, quoted
 from rig.read_limits import require_file
 from rig.record.port import Address, on_network
 from rig.toml_tables import TomlError, TomlTable, WrongKeyError, parse_toml, read_table
@@ -236,7 +236,7 @@ def _check_together(entries: tuple[DeviceEntry, ...], path: str | os.PathLike[st
     for attribute, values in (("name", names), ("topic", topics)):
         for value in values:
             if values.count(value) > 1:
-                raise RigError(f"{attribute} '{value}' twice in {path}: give each device its own")
+                raise RigError(f"{attribute} {quoted(value)} twice in {path}: give each device its own")
     names = [entry.name for entry in entries if entry.device.measures == "imu"]
     for entry in entries:
         if any(topic in OWN_TOPICS or topic.startswith("/raw/") for topic in entry.topics):
@@ -245,4 +245,4 @@ def _check_together(entries: tuple[DeviceEntry, ...], path: str | os.PathLike[st
                 "choose another `topic`"
             )
         if entry.delay_to and entry.delay_to not in names:
-            raise RigError(f"delay_to '{entry.delay_to}' in {path} names no IMU: choose one of {', '.join(names)}")
+            raise RigError(f"delay_to {quoted(entry.delay_to)} in {path} names no IMU: choose one of {listed(names)}")

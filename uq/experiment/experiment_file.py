@@ -9,6 +9,7 @@ import numpy as np
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.rounding import common
 from identify.signals.estimator_spec import EstimatorSpec
+from rig.exceptions import quoted
 from rig.toml_tables import Name, TomlTable, WrongKeyError, written
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
@@ -194,11 +195,10 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
         """Refuse what one table alone does not show."""
         names = [estimator.name for estimator in self.estimator]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise WrongKeyError("", f"two entries named '{twice}' in [[estimator]]: give each its own name")
-        if self.recording.estimator not in (None, *names):
-            raise WrongKeyError(
-                "", f"unknown estimator '{self.recording.estimator}' at recording.estimator: name one of [[estimator]]"
-            )
+            raise WrongKeyError("", f"two entries named {quoted(twice)} in [[estimator]]: give each its own name")
+        if (estimator := self.recording.estimator) not in (None, *names):
+            unknown = f"unknown estimator {quoted(estimator)} at recording.estimator"
+            raise WrongKeyError("", f"{unknown}: name one of [[estimator]]")
         mass = None if self.body is None else self.body.mass
         if mass is not None and self.scale is not None:
             read, sigma = self.scale.value

@@ -24,6 +24,7 @@ from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
 from identify.static.centre_result import Centre
 from identify.sums.run_lines import check_rate
+from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import cautions
 from uq.experiment.undeclared_table import NONE
@@ -269,7 +270,7 @@ def mounting_names(text: str) -> tuple[str, ...]:
     """
     mountings = tuple(word.strip() for word in text.split(","))
     if not all(mountings):
-        raise RunError(f"--mounting is '{text}': give a name for each run, separated by commas, such as A,A,B")
+        raise RunError(f"--mounting is {quoted(text)}: give a name for each run, separated by commas, such as A,A,B")
     return mountings
 
 

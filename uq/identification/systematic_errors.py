@@ -25,6 +25,7 @@ from identify.results.identification_result import Identification, covering_bias
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.run import Run, RunError
+from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
@@ -247,7 +248,7 @@ def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: 
     for name in redrawn:
         if name not in constant:
             raise ExperimentError(
-                f"recording.drawn_by_mounting names '{name}': name sources that are drawn once "
+                f"recording.drawn_by_mounting names {quoted(name)}: name sources that are drawn once "
                 f"({', '.join(constant) or 'there are none'})"
             )
     for mix in mixing:

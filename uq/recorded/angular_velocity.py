@@ -21,6 +21,7 @@ from identify.signals.run import RunError
 from identify.signals.shaped_noise import ShapedNoise
 from rig import channels
 from rig.channels import ImuChannel, MotionChannel
+from rig.exceptions import quoted
 from rig.mcap.message_definitions import JOINTS, POSE, TWIST
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.joint_kinematics import Chain
@@ -154,7 +155,7 @@ def _turning(
     turning = source.angular_velocity
     if source.type == TWIST and source.frame_id.strip("/") in AT_REST:
         raise RunError(
-            f"the twist of {name} is in the frame '{source.frame_id}', which does not turn with the body: "
+            f"the twist of {name} is in the frame {quoted(source.frame_id)}, which does not turn with the body: "
             "record it in the body's frame, or a pose"
         )
     if turning is not None and turning.any():
@@ -243,7 +244,7 @@ def _of_joints(
         chain.check_velocities((instants - instants[0]) / NANOSECONDS, position, velocity, name)
     attitude = RecordedAttitude.of(instants, chain.attitude(position))
     notes: tuple[str, ...] = (
-        f"the base of the robot rests; {source.topic} moves frame '{declared.urdf_frame}' of {declared.urdf}",
+        f"the base of the robot rests; {source.topic} moves frame {quoted(declared.urdf_frame)} of {declared.urdf}",
         *chain.notes,
         *unwrapped,
     )

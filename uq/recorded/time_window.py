@@ -11,6 +11,7 @@ import numpy as np
 from identify.signals.run import Run, RunError
 from identify.signals.segments import decisive, moving
 from rig.bags.marks import Mark
+from rig.exceptions import listed, quoted
 
 Limit = float | str
 """Seconds from the run's start, or the name of a mark."""
@@ -88,10 +89,11 @@ def _seconds(limit: Limit, option: str, duration: float, marks: Sequence[tuple[f
     times = [time for time, text in marks if text == limit]
     if isinstance(limit, str):
         if not times:
-            names = ", ".join(sorted({text for _, text in marks})) or "none"
-            raise RunError(f"no mark '{limit}' in {name} for {option}: give seconds or one of its marks ({names})")
+            names = listed(sorted({text for _, text in marks})) or "none"
+            cure = f"give seconds or one of its marks ({names})"
+            raise RunError(f"no mark {quoted(limit)} in {name} for {option}: {cure}")
         if len(times) > 1:
-            raise RunError(f"{len(times)} marks '{limit}' in {name} for {option}: give seconds instead")
+            raise RunError(f"{len(times)} marks {quoted(limit)} in {name} for {option}: give seconds instead")
         limit = times[0]
     if not math.isfinite(limit) or limit < -1e-9 or limit > duration + 1e-9:
         raise RunError(f"{option} {limit:g} s is outside {name}, which lasts {duration:g} s: give a time in the run")

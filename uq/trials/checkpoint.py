@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from rig.atomic_files import replacing
+from rig.exceptions import listed, quoted
 from rig.read_limits import parse_json, require_file
 from uq.files.mistakes import ExperimentError
 from uq.sources.draws import stream_number
@@ -136,14 +137,14 @@ class Checkpoint:
         except (ValueError, KeyError, TypeError):
             raise ExperimentError(f"{head} is cut or edited: {_delete(self.folder)}") from None
         if version != FORMAT:
-            raise ExperimentError(f"{head} has the format {version}, not {FORMAT}: {_delete(self.folder)}")
+            raise ExperimentError(f"{head} has the format {quoted(version)}, not {FORMAT}: {_delete(self.folder)}")
         if digest != _digest(stored):
             raise ExperimentError(f"{head} is edited: {_delete(self.folder)}")
         if digest != expected:
             given = json.loads(json.dumps(identity))
             other = [key for key in {**stored, **given} if stored.get(key) != given.get(key)]
             raise ExperimentError(
-                f"{self.folder} is of another campaign (other {', '.join(other)}): "
+                f"{self.folder} is of another campaign (other {listed(other)}): "
                 f"give the same arguments as before, choose another folder, or {_delete(self.folder)}"
             )
 
@@ -158,7 +159,7 @@ class Checkpoint:
             intact = False
         if not intact:
             raise ExperimentError(f"{path} is cut or edited (its checksum is another): {_delete(self.folder)}")
-        if header["campaign"] != self.digest:
+        if header.get("campaign") != self.digest:
             raise ExperimentError(f"{path} is of another campaign: {_delete(self.folder)}")
         return header, estimates
 

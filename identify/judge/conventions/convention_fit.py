@@ -344,10 +344,15 @@ class ConventionFit:
         return float(self.values[moments].sum()), float(np.sqrt(max(variance, 0.0)))
 
 
-def _normal_equations(sums: ConventionSums, terms: Terms, answer: slice) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (p, p) and right side (p,) of fitting ``answer`` by ``terms``, as means over the instants."""
-    count = len(terms)
-    products = (terms.reshape(-1, WIDTH) @ sums.gram).reshape(*sums.gram.shape[:-2], count, 3, WIDTH)
+def _normal_equations(
+    sums: ConventionSums, terms: Terms, answer: slice, instruments: Terms | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal matrix (p, p) and right side (p,) of fitting ``answer`` by ``terms``, as means over the instants.
+
+    ``instruments``: terms that stand on the left in place of the others (instrumental variables).
+    """
+    count, left = len(terms), terms if instruments is None else instruments
+    products = (left.reshape(-1, WIDTH) @ sums.gram).reshape(*sums.gram.shape[:-2], count, 3, WIDTH)
     flat = products.reshape(*products.shape[:-2], 3 * WIDTH)
     return flat @ terms.reshape(count, -1).T, np.trace(products[..., answer], axis1=-2, axis2=-1)
 
@@ -413,41 +418,49 @@ Choice: half, where the correction for noise doubles the variance.
 """
 
 
-def fit_centre(sums: ConventionSums, *, force: Float[np.ndarray, "3"], moment: float, offset: float) -> CentreFit:
-    """Fit the moment by r × F, I α + ω × I ω and an offset with a prior; the noise in F taken out of the sums.
+ZERO_LEVER = 5e-3
+"""Lever which, times the weight, is the moment that may be the load cell's zero, as a standard deviation [m].
 
-    Directions of r that only noise, or a change like that of the motion's own moment tells of come back with a
-    variance of 1 m².
+Prior: our choice, wide, so that a zero of the load cell is no evidence of anything else.
+"""
 
-    Args:
-        sums: of the run.
-        force: variance of the noise left in F, by axis [N²].
-        moment: variance of the noise left in M [(N·m)²].
-        offset: standard deviation of the moment's offset about zero [N·m].
+
+def fit_centre(sums: ConventionSums) -> CentreFit:
+    """Fit the moment by r × F, I α + ω × I ω and an offset with a prior.
+
+    The instrument of r × F is the force that specific force and motion explain: so neither the noise in F counts, nor
+    that in M, which has a share of it where another point's moment is made from the measured force. Directions of r
+    that only noise, or a change like that of the motion's own moment tells of come back with a variance of 1 m².
     """
-    normal, right = _normal_equations(sums, MOMENT_TERMS, MOMENT)
+    moment = variance_left(sums, MOMENT_TERMS, MOMENT)
+    offset = max(ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2, 1e-9)
+    instruments = MOMENT_TERMS.copy()
+    instruments[:3] -= ARM[:, :, FORCE] @ _force_noise(sums)
+    normal, right = _normal_equations(sums, MOMENT_TERMS, MOMENT, instruments)
     loose = [1e-12 * normal[INERTIA_AT, INERTIA_AT].trace()] * 6 + [moment / sums.instants / offset**2] * 3
     others = np.linalg.solve(normal[3:, 3:] + np.diag(loose), np.column_stack([normal[3:, :3], right[3:]]))
-    seen = normal[:3, :3] - normal[:3, 3:] @ others[:, :3]
+    matrix = normal[:3, :3] - normal[:3, 3:] @ others[:, :3]
     answer = right[:3] - normal[:3, 3:] @ others[:, 3]
-    noise = force.sum() * np.eye(3) - np.diag(force)
+    plain = _normal_equations(sums, MOMENT_TERMS, MOMENT)[0]
+    seen = plain[:3, :3] - plain[:3, 3:] @ others[:, :3]
+    noise = seen - (matrix + matrix.T) / 2
     scale = np.linalg.cholesky(seen + 1e-12 * seen.trace() * np.eye(3))
     whitened = np.linalg.solve(scale, np.linalg.solve(scale, noise).T)
     share, axes = np.linalg.eigh(np.eye(3) - whitened)
     basis = np.linalg.solve(scale.T, axes)
     determined = share > LEAST_SIGNAL
     basis, share = basis[:, determined], share[determined]
-    r = basis @ ((basis.T @ answer) / share)
-    spread = (moment + float(r @ noise @ r)) / sums.instants
+    r = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ answer)
+    spread = (moment + max(float(r @ noise @ r), 0.0)) / sums.instants
     undetermined = np.eye(3)
     if determined.any():
         directions = np.linalg.qr(scale @ axes[:, determined])[0]
         undetermined = undetermined - directions @ directions.T
-    return CentreFit(r, basis * (spread / share**2) @ basis.T + undetermined, undetermined)
+    return CentreFit(r, basis * (spread / share) @ basis.T + undetermined, undetermined)
 
 
-def force_noise(sums: ConventionSums) -> Float[np.ndarray, "3"]:
-    """The variance that the best fit leaves in the force, by axis [N²]."""
-    rows = np.einsum("p,pij->ij", solve(sums, FORCE_TERMS, FORCE, variance=1.0).values, FORCE_TERMS)
-    rows[:, FORCE] -= np.eye(3)
-    return np.maximum(np.einsum("ij,jk,ik->i", rows, sums.gram, rows), 0.0)
+def _force_noise(sums: ConventionSums) -> Float[np.ndarray, "3 25"]:
+    """The force less what specific force and motion best explain of it, as a combination of the columns."""
+    rows = -np.einsum("p,pij->ij", solve(sums, FORCE_TERMS, FORCE, variance=1.0).values, FORCE_TERMS)
+    rows[:, FORCE] += np.eye(3)
+    return rows

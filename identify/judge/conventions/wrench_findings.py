@@ -268,11 +268,6 @@ TOLD = 0.25
 
 Choice: the axis lies within 30° of what is determined.
 """
-ZERO_LEVER = 5e-3
-"""Lever which, times the weight, is the moment that may be the load cell's zero, as a standard deviation [m].
-
-Prior: our choice, wide, so that a zero of the load cell is no evidence of anything else.
-"""
 
 
 def wrench_findings(
@@ -312,11 +307,17 @@ def _reversed(fit: Hypothesis) -> bool:
     return fit.sensor == "wrench" and abs(float(np.trace(fit.matrix))) == 3
 
 
+def _or(lines: list[str]) -> str:
+    """Return a text on lines that would be as good."""
+    return "".join(f"; or {line}, which fits as well" for line in lines)
+
+
 class _Examination:
     """A run's findings in order: each step corrects the sums for its finding before the next looks at them."""
 
     def __init__(self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str) -> None:
         self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
+        self.units_instead: list[str] = []
 
     def findings(self) -> Iterator[Contradiction]:
         """All findings, the gravest first."""
@@ -426,18 +427,21 @@ class _Examination:
         motion = mass_by_motion(self.sums)
         mass, sigma = (weight.mass, weight.uncertainty) if motion is None else (motion.mass, CERTAIN * motion.sigma)
         body = BodyByWrench(
-            sums=self.sums, given=given, mass=mass, uncertainty=sigma, centre=self._centre(self.sums),
+            sums=self.sums, given=given, mass=mass, uncertainty=sigma, centre=convention_fit.fit_centre(self.sums),
             by_motion=motion is not None,
         )  # fmt: skip
         distance, where = self._elsewhere() or (np.inf, "")
         readings, declared = other_units(body, self.declared, distance < FARTHEST), self.declared.mass
-        if readings:
+        two_systems = bool(readings) and readings[0].cost == COSTS["two systems"]
+        if two_systems and readings[0].force_factor == 1.0 and distance < FARTHEST:  # rarer than another point
+            self.units_instead = [reading.lines() for reading in readings]
+        elif readings:
             best, *rivals = readings
             self.sums = best.applied(self.sums)
             lines = [rival.lines() for rival in rivals]
             if best.force_factor == 1.0 and distance < FARTHEST:
                 lines.append(f"wrench_point = [{where}]")
-            doubt = "".join(f"; or {line}, which fits as well" for line in lines)
+            doubt = _or(lines)
             weighs = significant(best.force_factor * mass, 3)
             shown = significant(mass, 3)
             yield Finding.UNITS.on(self.wrench, shown=shown, mass=weighs, doubt=doubt, lines=best.lines())
@@ -459,15 +463,9 @@ class _Examination:
                 vector = small_turn_text(turn, covariance)
                 yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
 
-    def _centre(self, sums: ConventionSums) -> CentreFit:
-        offset = ZERO_LEVER * sums.size(FORCE) + sums.noise[1] / 2
-        variance = convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)
-        noise = convention_fit.force_noise(sums)
-        return convention_fit.fit_centre(sums, force=noise, moment=variance, offset=max(offset, 1e-9))
-
     def _misplaced(self, sums: ConventionSums) -> float:
         """Chi-square of the declared centre of gravity against that which force and moment show."""
-        shift, covariance = self._shift(self._centre(sums))
+        shift, covariance = self._shift(convention_fit.fit_centre(sums))
         return float(shift @ np.linalg.solve(covariance, shift))
 
     def _shift(self, centre: CentreFit) -> tuple[Vector, Matrix]:
@@ -482,13 +480,14 @@ class _Examination:
         if place is not None:
             distance, where = place
             unknown = "; what is ? the motion does not tell" * ("?" in where)
-            yield Finding.OTHER_POINT.on(self.wrench, distance=1e3 * distance, where=where, unknown=unknown)
+            figures = {"distance": 1e3 * distance, "where": where, "unknown": unknown}
+            yield Finding.OTHER_POINT.on(self.wrench, doubt=_or(self.units_instead), **figures)
 
     def _elsewhere(self) -> tuple[float, str] | None:
         """Distance [m] and coordinates of the point that the moment is about, if not Q, by the declared r_CG."""
         if self.declared.r_cg is None:
             return None
-        centre = self._centre(self.sums)
+        centre = convention_fit.fit_centre(self.sums)
         shift, covariance = self._shift(centre)
         certain = np.diag(centre.undetermined) < TOLD
         chi_square = float(shift @ np.linalg.solve(covariance, shift))

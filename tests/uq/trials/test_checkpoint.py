@@ -154,6 +154,7 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, ha
         (lambda text: "[" * 100_000, "cut or edited"),
         (lambda text: text.replace('"seed": 0', '"seed": 1'), "is edited"),
         (lambda text: text.replace('"format": 3', '"format": 9'), "has the format 9, not 3"),
+        (lambda text: text.replace('"format": 3', f'"format": {"9" * 300}'), "has the format 9{24}…9{23}, not 3"),
         (lambda text: None, "no campaign.json"),
     ],
 )
