@@ -18,6 +18,7 @@ from identify.judge.conventions.convention_fit import (
     ImuSignal,
     WrenchSignal,
     convention_sums,
+    fit_centre,
 )
 from identify.judge.evidence import Base, evidence
 from identify.judge.judged_result import lasting
@@ -106,9 +107,9 @@ def _of_conventions(measured):
     turn, chi_square, _ = axis_hypotheses.misalignment(sums, narrow)
     parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
-    declared = wrench_findings.DeclaredRig(measured.mass, measured.r_cg, np.full(3, 1.5e-4))
+    declared = wrench_findings.DeclaredRig(mass=measured.mass, r_cg=measured.r_cg, sigma_r_cg=np.full(3, 1.5e-4))
     examination = wrench_findings._Examination(sums, declared, "", "")
-    shift, covariance = examination._shift(examination._centre(sums))
+    shift, covariance = examination._shift(fit_centre(sums))
     weight = removed_weight.apparent_mass(sums, measured.mass)
     force, specific = sums.mean(slice(0, 3)), sums.mean(slice(6, 9))
     return (
