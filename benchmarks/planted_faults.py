@@ -113,7 +113,7 @@ FAULTS = (
           ("np.arange(self.count, self.count + segment)", "np.arange(segment)"),
           ("np.arange(self.count, self.count + stretch)", "np.arange(stretch)")),
     fault("checkpoint_owner", "skipped: a part of another campaign", "checkpoint",
-          ('if header["campaign"] != self.digest:', 'if header["campaign"] is None:')),
+          ('if header.get("campaign") != self.digest:', 'if header["campaign"] is None:')),
     fault("lagged_covariance", "a differentiator's response not reversed in a correlation", "noise_moments",
           ("np.convolve(first, second[::-1])", "np.convolve(first, second)")),
     # uq: propagation, coverage, sensitivity
