@@ -349,10 +349,10 @@ def _normal_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normal matrix (p, p) and right side (p,) of fitting ``answer`` by ``terms``, as means over the instants.
 
-    ``instruments``: terms that stand on the left in place of the others (instrumental variables).
+    ``instruments``: terms by which both sides are multiplied in place of ``terms`` (instrumental variables).
     """
-    count, left = len(terms), terms if instruments is None else instruments
-    products = (left.reshape(-1, WIDTH) @ sums.gram).reshape(*sums.gram.shape[:-2], count, 3, WIDTH)
+    count, instruments = len(terms), terms if instruments is None else instruments
+    products = (instruments.reshape(-1, WIDTH) @ sums.gram).reshape(*sums.gram.shape[:-2], count, 3, WIDTH)
     flat = products.reshape(*products.shape[:-2], 3 * WIDTH)
     return flat @ terms.reshape(count, -1).T, np.trace(products[..., answer], axis1=-2, axis2=-1)
 
