@@ -55,8 +55,8 @@ def _first(scale: float, unit: str) -> Size:
 def _stiffness(values: np.ndarray, spread: np.ndarray) -> str:
     softest = float(values.max())
     if softest <= 0:
-        return "body or load cell bent under it"
-    return f"the body bent on its mounting, at about {significant(1 / (2 * np.pi * np.sqrt(softest)), 2)} Hz"
+        return "the body or the load cell were bent by the load"
+    return f"the body vibrated on its mounting, at about {significant(1 / (2 * np.pi * np.sqrt(softest)), 2)} Hz"
 
 
 def _pull(values: np.ndarray, spread: np.ndarray) -> str:
@@ -66,8 +66,8 @@ def _pull(values: np.ndarray, spread: np.ndarray) -> str:
 
 def _lateness(values: np.ndarray, spread: np.ndarray) -> str:
     if (values < 0).all():
-        return f"the IMU came late by {_all(-1e3, 'ms')(values, spread)} against force and moment"
-    return f"force and moment came late by {_all(1e3, 'ms')(values, spread)}"
+        return f"the IMU lagged force and moment by {_all(-1e3, 'ms')(values, spread)}"
+    return f"force and moment lagged by {_all(1e3, 'ms')(values, spread)}"
 
 
 PAGE = "docs/explanation/troubles.md"
@@ -87,9 +87,9 @@ class Contradiction(NamedTuple):
 class Finding(Enum):
     """A finding: its label, the pattern of its text, the cure, and the function that writes a cause's size into it."""
 
-    DELAY = "delay", "the angular velocity came late by {}", "declare the delay" + ESTIMATED, _all(1e3, "ms")
+    DELAY = "delay", "the angular velocity lagged by {}", "declare the delay" + ESTIMATED, _all(1e3, "ms")
     ROTATION = (
-        "rotation", "the IMU were turned against the load cell by {}",
+        "rotation", "the IMU were rotated against the load cell by {}",
         "correct imu_rotation_to_body or wrench_rotation_to_body", _all(180 / np.pi, "deg")
     )  # fmt: skip
     CENTRE = "centre of gravity", "r_CG were off by {}", "correct r_cg_from_q, or record static poses", _all(-1e3, "mm")
@@ -103,18 +103,18 @@ class Finding(Enum):
         _all(-100.0, "%")
     )  # fmt: skip
     GYRO_BIAS = (
-        "gyro bias", "the gyro's zero changed by {}", "let it warm up, or declare a drift", _largest(1e3, "mrad/s²")
+        "gyro bias", "the gyro's zero drifted by {}", "let it warm up, or declare a drift", _largest(1e3, "mrad/s²")
     )  # fmt: skip
     GYRO_AXES = (
-        "gyro axes", "the gyro were turned against the accelerometer by {}", "calibrate it, or declare a misalignment",
+        "gyro axes", "the gyro were rotated against the accelerometer by {}", "calibrate it, or declare a misalignment",
         _all(180 / np.pi, "deg")
     )  # fmt: skip
     GYRO_LATE = (
-        "delay", "the gyro's axes came late by {}", "give its axes the same filter, or declare the delay",
+        "delay", "the gyro's axes lagged by {}", "give its axes the same filter, or declare the delay",
         _all(1e3, "ms")
     )  # fmt: skip
     GYRO_G = (
-        "gyro g-sensitivity", "acceleration feigned angular velocity, {}", "use the gyro's calibration",
+        "gyro g-sensitivity", "the gyro responded to acceleration, {}", "use the gyro's calibration",
         _largest(1e3, "mrad/s per m/s²")
     )  # fmt: skip
     GAIN = "gain", "the load cell's gains were wrong by {}", "calibrate it, or declare a scale", _all(100.0, "%")
@@ -131,7 +131,7 @@ class Finding(Enum):
     FLEXIBLE_MOUNTING = "flexible mounting", "{}", "stiffen it, or move more slowly", _stiffness
     TENSOR = "tensor", "the tensor changed during the run: something moves", "fix what moves"
     ACCELEROMETER_PLACE = (
-        "accelerometer place", "the accelerometer stood elsewhere by {}", "correct imu_position", _all(1e3, "mm")
+        "accelerometer place", "the accelerometer were displaced by {}", "correct imu_position", _all(1e3, "mm")
     )  # fmt: skip
     ACCELEROMETER_SCALE = (
         "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", _all(-100.0, "%")
@@ -140,16 +140,16 @@ class Finding(Enum):
         "clock", "by the log's times the stamps of the motion are {offset} s {early} against the wrench's{doubt}",
         'two computers? set time = "log" in [recording]{lines}'
     )  # fmt: skip
-    CLOCK = "clock", "the IMU's clock ran off by {} over the run", "check the stamps", _first(1e3, "ms")
+    CLOCK = "clock", "the IMU's clock drifted by {} over the run", "check the stamps", _first(1e3, "ms")
     FILTER = "filter", "{}", "give both sensors the same filter, or declare the delay" + ESTIMATED, _lateness
     NONLINEARITY = "nonlinearity", "the load cell were not linear", "use its calibration, or load it less"
     RESONANCE = (
-        "resonance", "the {quantity} on {axis} shakes at about {frequency} Hz, {size} rms",
-        "stiffen or damp what rings"
+        "resonance", "the {quantity} on {axis} vibrates at about {frequency} Hz, {size} rms",
+        "stiffen or damp what vibrates"
     )  # fmt: skip
     SPECTRAL_LINE = (
         "resonance", "a line at {frequency} Hz in the residual moment about {axis}, {size} rms",
-        "find what shakes at this frequency"
+        "find what vibrates at this frequency"
     )  # fmt: skip
     SATURATION = (
         "saturation", "the {quantity} on {axis} stays at {value} in {count} samples: the sensor's range ends there",
@@ -158,16 +158,16 @@ class Finding(Enum):
     LEAST_SQUARES = (
         "least squares",
         "ordinary least squares and the fit of force and moment together differ by {difference} g·m² in {component}, "
-        "where {expected} is to be expected", "usually r_CG is off, or a cable, cross-talk, a mounting that flexes"
+        "where {expected} is expected", "usually a wrong r_CG, a cable, cross-talk or a flexible mounting"
     )  # fmt: skip
     UNEXPLAINED = (
         "unexplained",
-        "the {quantity} on {axis} leaves {ratio:.1f} times what noise explains where the motion is: none of the "
-        "causes looked for", "liquid or something loose inside? the interval is that much wider"
+        "the residual {quantity} on {axis} is {ratio:.1f} times what noise explains in the band of the motion: "
+        "no known cause fits", "liquid or something loose inside? the interval is wider by as much"
     )  # fmt: skip
-    REPEATABILITY = "repeatability", "the runs scatter otherwise than their residuals predict", ""
+    REPEATABILITY = "repeatability", "the scatter of the runs is not what their residuals predict", ""
     ACCELERATION_IN_G = (
-        "unit", "acceleration is {median:.3f} in the median: it is probably in g, not m/s^2 (times 9.80665)",
+        "unit", "the median acceleration is {median:.3f}: it is probably in g, not m/s^2 (times 9.80665)",
         'set acceleration_unit = "g" in [recording]'
     )  # fmt: skip
     GYRO_IN_DEGREES = (
@@ -175,21 +175,21 @@ class Finding(Enum):
         'set angular_velocity_unit = "deg/s" in [recording]'
     )  # fmt: skip
     RATE_UNIT = (
-        "unit", "the attitude turns {ratio} times as fast as the angular velocity says",
+        "unit", "the attitude turns {ratio} times as fast as the angular velocity",
         'degrees taken for radians, or radians for degrees? set angular_velocity_unit = "{unit}" in [recording]'
     )  # fmt: skip
     UNITS = (
         "unit",
-        "force and moment are those of no body of {shown} kg as declared, but of one of {mass} kg in other units",
+        "in the declared units no body of {shown} kg fits force and moment; in other units a body of {mass} kg does",
         "set {lines} in [recording]{doubt}"
     )  # fmt: skip
     WRENCH_REVERSED = (
         "sign",
         "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor{doubt}",
-        'set wrench = "on_sensor" in [recording] ("on_body" where it says so already)'
+        'set wrench = "on_sensor" in [recording] ("on_body" if that is already set)'
     )  # fmt: skip
     ACCELEROMETER_AXES = (
-        "axes", "gravity turns as the gyro says only if the accelerometer's axes are the gyro's ({axes})",
+        "axes", "gravity turns with the gyro only if the accelerometer's axes are the gyro's ({axes})",
         "swapped axes"
     )  # fmt: skip
     OTHER_AXES = (
@@ -198,37 +198,37 @@ class Finding(Enum):
         "are the IMU's ({axes}){doubt}", "set {lines} in [recording]"
     )  # fmt: skip
     RATE_AXES = (
-        "turned", "angular velocity and attitude have axes that are turned by {angle} deg about ({about})",
+        "turned", "the axes of angular velocity and attitude differ by a rotation of {angle} deg about ({about})",
         "two sensors? use one of them: import without the columns of the other, or record the attitude as poses"
     )  # fmt: skip
     IMU_MIRRORED = "mirror", "the IMU's axes are left-handed: only ({axes}) of them fit the wrench", CHANNELS
     IMU_MIRRORED_AND_TURNED = (
         "mirror",
-        "the IMU's axes are left-handed, and only a turn of the IMU's axes into the load cell's by {turn} fits "
+        "the IMU's axes are left-handed, and only a rotation of the IMU's axes into the load cell's by {turn} fits "
         "gravity and the motion in both", CHANNELS
     )  # fmt: skip
     WRENCH_MIRRORED = (
         "mirror", "the load cell's axes are left-handed, or its sign is reversed and its axes turned",
-        'both are undone by wrench = "on_sensor" (the other one where it is declared) and wrench_rotation_to_body = '
-        "{axes} in [recording]"
+        'both are undone by wrench = "on_sensor" (the other one if it is already declared) and '
+        "wrench_rotation_to_body = {axes} in [recording]"
     )  # fmt: skip
     TURNED = (
         "turned",
-        "only a turn of the IMU's axes into the load cell's by {turn} fits gravity and the motion in both{sign}",
+        "only a rotation of the IMU's axes into the load cell's by {turn} fits gravity and the motion in both{sign}",
         "set {lines} in [recording]"
     )  # fmt: skip
     TURNED_A_LITTLE = (
-        "turned", "only a turn of the IMU's axes into the load cell's by {turn} fits both, or its stamps are late",
+        "turned", "only a rotation of the IMU's axes into the load cell's by {turn} fits both, or its stamps are late",
         "set {lines} in [recording], or correct the clock"
     )  # fmt: skip
     ACCELEROMETER_REVERSED = (
         "sign",
         "the accelerometer reads downwards at rest: gravity and the motion fit the wrench only with its other "
-        "sign{doubt}", 'set accelerometer_at_rest = "down" in [recording] ("up" where it says so already)'
+        "sign{doubt}", 'set accelerometer_at_rest = "down" in [recording] ("up" if that is already set)'
     )  # fmt: skip
     WRENCH_AT_REST = (
         "frame",
-        "force and moment are along axes at rest: they fit weight and motion only when the attitude turns them into "
+        "force and moment are along axes at rest: they fit weight and motion only if the attitude turns them into "
         "the body's axes{doubt}", "{lines}"
     )  # fmt: skip
     WRENCH_TURNS = (
@@ -246,13 +246,13 @@ class Finding(Enum):
     WEIGHT_OF_ANOTHER_PAYLOAD = (
         "weight", "the force has the weight of {weighs} kg, but the inertia of {mass} kg{doubt}",
         'weight of {removed} kg removed by the driver? set compensated = "gravity", and payload_mass and '
-        "payload_r_cg_from_q as the driver was told them, in [recording]"
+        "payload_r_cg_from_q as set in the driver, in [recording]"
     )  # fmt: skip
     POSES_UPSIDE_DOWN = (
         "gravity",
         "the weight of the poses points up: the wrench has the other sign, or gravity is upside down, which forces "
-        "at rest do not tell apart",
-        'set wrench = "on_sensor" ("on_body" where it says so already), or urdf_gravity = [{gravity}], in [recording]'
+        "at rest cannot tell apart",
+        'set wrench = "on_sensor" ("on_body" if that is already set), or urdf_gravity = [{gravity}], in [recording]'
     )  # fmt: skip
     ATTITUDE_READ_OTHERWISE = "attitude", "the forces fit the attitudes only {how}{doubt}", "{lines}"
     QUATERNION_ORDER = (
@@ -261,7 +261,7 @@ class Finding(Enum):
     )  # fmt: skip
     WEIGHT_MISSING = "weight", "the force is the weight of {mass} kg, far less than that of {body}", "{lines}"
     WEIGHT_PARTLY_MISSING = (
-        "weight", "the force changes as that of some {mass} kg, but {share:.0%} of its weight is missing throughout",
+        "weight", "the force changes like that of about {mass} kg, but {share:.0%} of its weight is missing throughout",
         "{lines}"
     )  # fmt: skip
     WEIGHT_OF_ANOTHER_MASS = (
@@ -270,12 +270,12 @@ class Finding(Enum):
         "weight: state payload_mass and payload_r_cg_from_q"
     )  # fmt: skip
     CHANGED_MASS = (
-        "mass", "the force is that of {before} kg up to {time} s of the run, and of {after} kg from there on",
-        "body grasped or put down midway? identify the run with {option}"
+        "mass", "the force is that of {before} kg up to {time} s of the run, and that of {after} kg afterwards",
+        "body grasped or released during the run? identify the run with {option}"
     )  # fmt: skip
     OTHER_POINT = (
         "point", "force and moment put the centre of gravity {distance:.1f} mm from the declared one",
-        "moment taken at another point than Q? set wrench_point = [{where}] in [recording]{unknown}, or correct "
+        "is the moment about another point than Q? set wrench_point = [{where}] in [recording]{unknown}, or correct "
         "body.r_cg_from_q{doubt}"
     )  # fmt: skip
 

@@ -210,7 +210,7 @@ def _of_run(
         small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
         if small and left_over < UNEXPLAINED and finding not in exact:
             continue
-        moves = f"; it would move {COMPONENTS[worst]} by {signed(GRAM_METRE * shift[worst])} g·m²"
+        moves = f"; it would shift {COMPONENTS[worst]} by {signed(GRAM_METRE * shift[worst])} g·m²"
         text = f"{run.name}: {cause.sentence(quantity)}{moves if ratio[worst] > ROUNDING else ''}"
         axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
         share = cause.evidence.share

@@ -82,7 +82,7 @@ class ResonancePeak(NamedTuple):
         change = f"{significant(GRAM_METRE * added[worst], 2)} g·m² to {COMPONENTS[worst]}"
         return Finding.RESONANCE.cause(
             run.name, axis=f"b{self.axis + 1}", share=self.share,
-            adds=f"; a mounting that does adds {change}" if added.any() else "", quantity=self.quantity,
+            adds=f"; if the mounting does, it adds {change}" if added.any() else "", quantity=self.quantity,
             frequency=significant(self.frequency), size=f"{significant(self.rms, 2)} {unit}",
         )  # fmt: skip
 

@@ -56,7 +56,9 @@ def _too_brief(runs: Sequence[Weighed]) -> list[str]:
     if not names:
         return []
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return [f"{names[0]}{more}: too brief to learn weights from: ordinary least squares, as with method source"]
+    return [
+        f"{names[0]}{more}: too short to estimate weights from: ordinary least squares are used, as with method source"
+    ]
 
 
 def _disagreement(every: Sequence[EstimateDifference]) -> str:
@@ -64,8 +66,8 @@ def _disagreement(every: Sequence[EstimateDifference]) -> str:
     k = int(np.argmin([difference.chance for difference in every]))
     component, value, expected = every[k].largest
     return (
-        f"weights are not to be trusted: {OTHERS[k]}, {component} differs by {significant(value, 2)} g·m², where "
-        f"{significant(expected, 2)} g·m² is to be expected; the answer is ordinary least squares', its interval wide "
-        "enough for both. Something follows the motion: usually r_CG is off, or a cable, cross-talk, a mounting that "
-        "flexes"
+        f"the weights cannot be trusted: {OTHERS[k]}, {component} differs by {significant(value, 2)} g·m², where "
+        f"{significant(expected, 2)} g·m² is expected; the result is that of ordinary least squares, its interval "
+        "wide enough for both. Something follows the motion: usually a wrong r_CG, a cable, cross-talk or a flexible "
+        "mounting"
     )

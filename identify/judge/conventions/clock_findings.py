@@ -56,7 +56,7 @@ def clock_findings(
     by_stamps, by_log = (_left(convention_sums(wrench, imu._replace(time=imu.time + shift))) for shift in (0.0, early))
     if by_stamps < FITS or (by_log < np.inf and by_log > by_stamps):
         return []
-    doubt = "" if by_log * BETTER < by_stamps else "; force and motion do not tell whether so it is"
+    doubt = "" if by_log * BETTER < by_stamps else "; force and motion do not confirm or refute it"
     figures = {"offset": fixed(abs(early), 3), "early": "early" if early > 0 else "late", "doubt": doubt}
     cure = delay - early
     lines = f', or, of method joint, delay = "{cure:.3f} s"' if abs(cure) < LONGEST_DELAY else ""

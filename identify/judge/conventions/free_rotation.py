@@ -214,7 +214,7 @@ def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradic
     if np.array_equal(rotation.reversed.matrix, np.eye(3)):
         return Finding.TURNED.on(topic, turn=turn, sign="", lines=cure)
     if rotation.reversed.sensor == "wrench":
-        lines = f'wrench = "on_sensor" ("on_body" where it says so already) and {cure}'
+        lines = f'wrench = "on_sensor" ("on_body" if that is already set) and {cure}'
         return Finding.TURNED.on(topic, turn=turn, sign=", and force and moment have the reversed sign", lines=lines)
     return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
 

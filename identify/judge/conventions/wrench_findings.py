@@ -300,7 +300,9 @@ def wrench_findings(
     return [*verdict.findings, *_Examination(sums, declared, wrench_topic, imu_topic).findings()]
 
 
-SIGN_DOUBT = "; the other sign of the accelerometer, or of force and moment, fits as well: this motion does not tell"
+SIGN_DOUBT = (
+    "; the other sign of the accelerometer, or of force and moment, fits as well: this motion does not distinguish them"
+)
 
 
 def _reversed(fit: Hypothesis) -> bool:
@@ -377,7 +379,7 @@ class _Examination:
         cell = f"wrench_rotation_to_body = {axes_text(compound(matrix, self.declared.wrench_rotation))}"
         imu = f"imu_rotation_to_body = {axes_text(compound(matrix.T, self.declared.imu_rotation))}"
         sensor = self._turned_sensor(before, matrix)
-        cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} where the IMU is the one turned, or else {cell},")
+        cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} if the IMU is the rotated one, otherwise {cell},")
         return sensor, cure
 
     def _topic(self, sensor: str) -> str:
@@ -408,7 +410,7 @@ class _Examination:
         cures = ['zeroed with the body on it? set zero = "loaded" in [recording]'] if missing.zeroed else []
         if missing.removed is not None:
             key = "gravity_from_force" if missing.removed == "force" else "gravity"
-            doubt = ', or "gravity_from_force" where the moment still has it: this motion does not tell'
+            doubt = ', or "gravity_from_force" if the moment still has it: this motion does not distinguish them'
             cure = f'removed by the driver? set compensated = "{key}" in [recording]'
             cures.append(cure + doubt * (missing.removed == "undetermined"))
         return "; or ".join(cures)
@@ -479,7 +481,7 @@ class _Examination:
         place = self._elsewhere()
         if place is not None:
             distance, where = place
-            unknown = "; what is ? the motion does not tell" * ("?" in where)
+            unknown = "; the motion does not determine coordinates marked ?" * ("?" in where)
             figures = {"distance": 1e3 * distance, "where": where, "unknown": unknown}
             yield Finding.OTHER_POINT.on(self.wrench, doubt=_or(self.units_instead), **figures)
 

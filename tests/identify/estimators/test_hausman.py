@@ -24,7 +24,7 @@ from tests.helpers.weak_lab import covered
 
 SIZES = {"cable": 0.8, "flexible mounting": 0.4, "cross-talk": 0.002}
 """That shift some component by about 20 standard uncertainties: 0.08 N·m/rad, 40 Hz, 0.2 % of full scale."""
-SUSPICION = "weights are not to be trusted"
+SUSPICION = "the weights cannot be trusted"
 
 
 def suspected(result):
@@ -154,7 +154,7 @@ def test_a_brief_run_is_answered_by_least_squares_and_says_so(unjudged):
     signals = {name: getattr(run_of(run), name)[near] for name in ("t", "force", "moment", "omega", "specific_force")}
     stated = {"r_cg": run.r_cg, "sigma_r_cg": SIGMA["r_cg"], "estimator": EstimatorSpec("low", "central", lowpass=10.0)}
     ours, plain = (identify(replace(run_of(run), **signals), method=method, **stated) for method in ("gls", "source"))
-    assert any("too brief to learn weights" in text for text in ours.warnings)
+    assert any("too short to estimate weights" in text for text in ours.warnings)
     np.testing.assert_allclose(ours.inertia, plain.inertia)
     np.testing.assert_allclose(ours.interval95, plain.interval95)
 

@@ -121,7 +121,7 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
 def test_an_axis_of_the_gyro_that_is_late_is_no_g_sensitivity(method):
     result = identified(measure(3, gyro_axis_delay=(0, 4e-3, 0), **SHORT), method)
     assert [verdict.cause for verdict in result.consistency] == ["delay"]
-    delays = re.search(r"axes came late by \((\S+) ± \S+, (\S+) ± \S+, (\S+) ±", result.warnings[-1]).groups()
+    delays = re.search(r"axes lagged by \((\S+) ± \S+, (\S+) ± \S+, (\S+) ±", result.warnings[-1]).groups()
     np.testing.assert_allclose([float(value.replace("−", "-")) for value in delays], [0, 4, 0], atol=0.3)
 
 
@@ -146,8 +146,8 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
 @pytest.mark.parametrize(
     ("late", "words"),
     [
-        (4e-3, "as if force and moment came late by (4.00 ± 0.10, 4.00 ± 0.10) ms (filter)"),
-        (-4e-3, "as if the IMU came late by (4.00 ± 0.10, 4.00 ± 0.10) ms against force and moment (filter)"),
+        (4e-3, "as if force and moment lagged by (4.00 ± 0.10, 4.00 ± 0.10) ms (filter)"),
+        (-4e-3, "as if the IMU lagged force and moment by (4.00 ± 0.10, 4.00 ± 0.10) ms (filter)"),
     ],
 )
 def test_who_came_late_is_said_without_a_minus(late, words):

@@ -152,7 +152,7 @@ def printed_rotation(text):
 
 def test_a_load_cell_turned_by_45_degrees_is_named_and_so_is_its_cure(bench, capsys, few_draws):
     """Of joint the departure of the rotation comes first; I12 is wrong, but not in silence."""
-    turn = r"only a turn of the IMU's axes into the load cell's by 4[45]\.\d+ ± 0\.\d+ deg"
+    turn = r"only a rotation of the IMU's axes into the load cell's by 4[45]\.\d+ ± 0\.\d+ deg"
     assert main(["inspect", bench.run("turned cell")]) == 1
     assert re.search(turn, capsys.readouterr().out)
     experiment = bench.experiment(PLACE, WEIGHED, R_CG)

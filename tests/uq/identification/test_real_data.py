@@ -89,7 +89,7 @@ def test_throws_are_too_brief_for_weights_and_gls_is_as_least_squares(thrown, ex
     files, truth, _ = thrown
     runs = [load_run(file, experiment.recording) for file in files]
     alone = identify(runs, r_cg=experiment.stated_r_cg, estimator=experiment.estimator(), offsets="none", method="gls")
-    assert any("too brief to learn weights" in text for text in alone.warnings)
+    assert any("too short to estimate weights" in text for text in alone.warnings)
     low, high = with_declared_sources(alone, runs, experiment).interval95.T
     assert ((low <= truth) & (truth <= high))[MOMENTS].all()
 
