@@ -3,7 +3,6 @@
 from typing import Literal
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array, ArrayT
@@ -76,6 +75,8 @@ def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[Ar
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
     if isinstance(signals, np.ndarray):
+        import scipy  # `inertia inspect` averages without it
+
         size = scipy.fft.next_fast_len(signals.shape[1] + len(taps) - 1, real=True)
         filtered = scipy.fft.irfft(scipy.fft.rfft(signals, size) * scipy.fft.rfft(taps, size), size)
         return np.ascontiguousarray(filtered[:, len(taps) - 1 : signals.shape[1]])
@@ -87,7 +88,7 @@ def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[Ar
 
 
 def moving_average(
-    signal: Float[np.ndarray, "n *k"], width: int, *, ends: Literal["symmetric", "edge"] = "symmetric"
+    signal: Float[np.ndarray, "n *k"], width: int, *, ends: Literal["symmetric", "edge", "fewer"] = "symmetric"
 ) -> Float[np.ndarray, "n *k"]:
     """Return the mean of ``width`` samples about each, one more before than after where that is even.
 
@@ -97,14 +98,20 @@ def moving_average(
     Args:
         signal: samples first.
         width: of the window.
-        ends: what stands for samples before the first and after the last: the signal mirrored, or its last value.
+        ends: what stands for samples before the first and after the last: the signal mirrored, or its last value; or
+            none, so that the mean is of fewer.
     """
     before, blocks = width // 2, -(-len(signal) // width) + 1
     beyond = [(before, blocks * width - len(signal) - before), *[(0, 0)] * (signal.ndim - 1)]
-    tiles = np.pad(signal, beyond, ends).reshape(blocks, width, *signal.shape[1:])
+    tiles = np.pad(signal, beyond, "constant" if ends == "fewer" else ends).reshape(blocks, width, *signal.shape[1:])
     left = np.cumsum(tiles[:-1, ::-1], axis=1)[:, ::-1]
     right = np.cumsum(tiles[1:], axis=1) - tiles[1:]
-    return np.asarray((left + right).reshape(-1, *signal.shape[1:])[: len(signal)] / width)
+    sums = (left + right).reshape(-1, *signal.shape[1:])[: len(signal)]
+    if ends == "fewer":
+        first = np.arange(len(signal)) - before
+        counts = np.minimum(first + width, len(signal)) - np.maximum(first, 0)
+        return np.asarray((sums.T / counts).T)
+    return np.asarray(sums / width)
 
 
 def thinned(signal: Float[np.ndarray, "n k"], step: int) -> Float[np.ndarray, "m k"]:

@@ -18,7 +18,6 @@ from identify.judge.conventions.convention_fit import (
     ImuSignal,
     WrenchSignal,
     convention_sums,
-    fit_centre,
 )
 from identify.judge.evidence import Base, evidence
 from identify.judge.judged_result import lasting
@@ -109,12 +108,12 @@ def _of_conventions(measured):
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
     declared = wrench_findings.DeclaredRig(mass=measured.mass, r_cg=measured.r_cg, sigma_r_cg=np.full(3, 1.5e-4))
     examination = wrench_findings._Examination(sums, declared, "", "")
-    shift, covariance = examination._shift(fit_centre(sums))
+    shift, chi_square_of_shift = examination._shift(sums)
     weight = removed_weight.apparent_mass(sums, measured.mass)
     force, specific = sums.mean(slice(0, 3)), sums.mean(slice(6, 9))
     return (
         min(scored[1:]) - scored[0], chi_square, float(np.degrees(np.linalg.norm(turn))), *parts,
-        float(shift @ np.linalg.solve(covariance, shift)), float(np.linalg.norm(shift)),
+        chi_square_of_shift, float(np.linalg.norm(shift)),
         abs(weight.mass / measured.mass - 1), float(force @ specific / np.linalg.norm(force) / np.linalg.norm(specific)),
     )  # fmt: skip
 

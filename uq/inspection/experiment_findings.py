@@ -1,6 +1,7 @@
 """Findings on a recorded run that contradicts mechanics or the experiment, of which ``identify`` warns."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +81,12 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
     recording = experiment.recording
     removed = recording.removes_weight and not undone
     payload = experiment.mass if recording.payload_mass is None else recording.payload_mass
+    sensors: dict[str, Any] = {
+        "wrench_point": recording.wrench_point,
+        "wrench_rotation": recording.wrench_rotation_to_body,
+        "imu_rotation": recording.imu_rotation_to_body,
+        "quaternion": recording.quaternion,
+    }
     return DeclaredRig(
         mass=experiment.mass,
         measured=run.gravity is None,
@@ -87,14 +94,11 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=np.asarray(experiment.sigma_r_cg),
         imu_position=run.imu_position,
-        wrench_point=recording.wrench_point,
-        wrench_rotation=recording.wrench_rotation_to_body,
-        imu_rotation=recording.imu_rotation_to_body,
         weighed=recording.zero != "loaded" and not removed,
         units=(_in_si(recording.force_unit, "N"), _in_si(recording.moment_unit, "N*m")),
         rate_unit=_in_si(recording.angular_velocity_unit, "rad/s"),
-        quaternion=recording.quaternion,
         turn=_sigma_turn(experiment, turn_free=turn_free),
+        **{name: value for name, value in sensors.items() if value is not None},
     )
 
 

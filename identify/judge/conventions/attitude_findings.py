@@ -70,17 +70,14 @@ def read_as(to_rest: Rotations, order: str, declared: DeclaredRig) -> Rotations:
         order: one of ``ORDERS``.
         declared: the sensor's axes in B.
     """
-    to_body = np.eye(3) if declared.imu_rotation is None else declared.imu_rotation
+    to_body = declared.imu_rotation
     scalar_last = np.roll(quaternions(to_rest @ to_body), -1, axis=1) @ signed_order(order, "xyzw")
     return np.asarray(from_quaternions(np.roll(scalar_last, 1, axis=1)) @ to_body.T)
 
 
 def order_cure(order: str, declared: DeclaredRig) -> str:
     """Return the line that declares an order of the quaternion's fields."""
-    fields = signed_order(order, "xyzw")
-    if declared.quaternion is not None:
-        fields = declared.quaternion @ fields
-    return f"set quaternion = {axes_text(fields)} in [recording]"
+    return f"set quaternion = {axes_text(declared.quaternion @ signed_order(order, 'xyzw'))} in [recording]"
 
 
 def attitude_findings(imu: ImuSignal, to_rest: Rotations, declared: DeclaredRig, topic: str) -> list[Contradiction]:

@@ -222,11 +222,16 @@ def misalignment(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray,
     return turn, min(gain, float(turn @ np.linalg.solve(covariance, turn))), covariance
 
 
-def derivatives(
-    sums: ConventionSums, given: Scales, step: float = 2e-3
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+DIFFERENCE = 2e-3
+"""Turn between the points of a difference [rad].
+
+Numerical: over it chi-square is nearly a parabola.
+"""
+
+
+def derivatives(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
     """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
-    unit, pairs = np.eye(3), [(i, j) for i in range(3) for j in range(i)]
+    unit, pairs, step = np.eye(3), [(i, j) for i in range(3) for j in range(i)], DIFFERENCE
     turns = np.array([np.zeros(3), *unit, *(unit[i] + unit[j] for i, j in pairs)])
     both_ways = sums.turned(imu=exponentials(step * np.concatenate([turns, -turns])))
     forth, back = chi_square(both_ways, given, admissible=False).reshape(2, -1)

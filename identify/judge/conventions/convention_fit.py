@@ -14,6 +14,7 @@ whose columns are those of the regressor. Each is linear in its unknowns; a fit 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from identify.rigid_body import regressor
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import FEATURES, FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PAIRS, PI_OF_FORCE
 from identify.rigid_body.rotation import cumulative_product, exponentials
+from identify.signals.filters import moving_average
 
 SMOOTHING = 0.05
 """Standard deviation of the Gaussian filter [s].
@@ -116,6 +118,11 @@ class ConventionSums:
         """The root mean square of a vector's size, of sums without leading axes."""
         return float(np.sqrt(max(np.trace(self.gram[columns, columns]), 0.0)))
 
+    @cached_property
+    def centre(self) -> "CentreFit":
+        """The centre of gravity that force and moment show, of sums without leading axes."""
+        return fit_centre(self)
+
     @property
     def tilts(self) -> bool:
         """Whether gravity turns so far in the body, as on a robot arm, that its mean is the smaller part."""
@@ -172,25 +179,24 @@ def _smoothed_sums(step: float, wrenches: np.ndarray, specific: np.ndarray, omeg
     """The sums of signals on one grid; where the features have alpha stands omega, filtered by the filter's slope."""
     bell, slope, every = _filter(step)
     half = len(bell) // 2
-    motion = regressor.features(omega.T, omega.T)
-    columns = [*wrenches.T, *specific.T, *carried_gravity(step, omega, specific).T, *motion]
-    rows = np.stack(
-        [
-            sliding_window_view(column, len(bell))[::every] @ (slope if k in range(WIDTH)[ALPHA] else bell)[::-1]
-            for k, column in enumerate(columns)
-        ],
-        axis=1,
-    )
-    smooth = np.stack([np.convolve(column, bell, mode="valid") for column in wrenches.T], axis=1)
-    rough = wrenches[half : len(wrenches) - half] - smooth
+    gravity, motion = carried_gravity(step, omega, specific), regressor.features(omega.T, omega.T)
+    smooth = _filtered(np.vstack([wrenches.T, specific.T, gravity.T, motion]), bell, every)
+    smooth[ALPHA] = _filtered(omega.T, slope, every)
+    rough = wrenches[half : len(wrenches) - half] - _filtered(wrenches.T, bell, 1).T
     noise = float(np.sqrt((rough[:, FORCE] ** 2).mean())), float(np.sqrt((rough[:, MOMENT] ** 2).mean()))
-    return ConventionSums(rows.T @ rows / len(rows), len(rows) * STEP / WINDOW, noise, step / WINDOW)
+    count = smooth.shape[1]
+    return ConventionSums(smooth @ smooth.T / count, count * STEP / WINDOW, noise, step / WINDOW)
 
 
 def smoothed(step: float, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
     """Return uniform samples through the filter of the sums, at instants ``STEP`` apart."""
     bell, _, every = _filter(step)
-    return np.stack([sliding_window_view(column, len(bell))[::every] @ bell for column in values.T], axis=1)
+    return _filtered(values.T, bell, every).T
+
+
+def _filtered(signals: Float[np.ndarray, "k n"], taps: np.ndarray, every: int) -> Float[np.ndarray, "k m"]:
+    """Signals through a filter, at every so many-th instant that has all its neighbours."""
+    return np.stack([sliding_window_view(signal, len(taps))[::every] @ taps[::-1] for signal in signals])
 
 
 def _filter(step: float) -> tuple[np.ndarray, np.ndarray, int]:
@@ -234,10 +240,8 @@ def carried_attitude(
     """
     turns = np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])
     attitude = cumulative_product(exponentials(turns))
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(np.einsum("nij,nj->ni", attitude, specific), axis=0)])
-    n, half = len(omega), round(RECALL / step / 2)
-    first, last = np.clip(np.arange(n) - half, 0, n), np.clip(np.arange(n) + half + 1, 0, n)
-    up = (total[last] - total[first]) / (last - first)[:, None]
+    along_start = np.einsum("nij,nj->ni", attitude, specific)
+    up = moving_average(along_start, 2 * round(RECALL / step / 2) + 1, ends="fewer")
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(up.mean(axis=0))))], up)
     x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
@@ -252,6 +256,7 @@ Matrix = Float[np.ndarray, "3 3"]
 class DeclaredRig:
     """The experiment's statements of body and rig; None: not stated. SI units, body frame, from Q.
 
+    Of body and sensors: ``wrench_point``, where the moment was taken, rotations from each sensor's axes to the body's.
     ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
     which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
     ``units``: newtons and newton metres in the declared units of force and moment. ``rate_unit``: rad/s in that of the
@@ -262,17 +267,17 @@ class DeclaredRig:
     mass: float | None = None
     removed: float = 0.0
     r_cg: Vector | None = None
-    sigma_r_cg: Vector | None = None
+    sigma_r_cg: Vector = field(default_factory=lambda: np.zeros(3))
     imu_position: Vector | None = None
-    wrench_point: Vector | None = None
-    wrench_rotation: Matrix | None = None
-    imu_rotation: Matrix | None = None
+    wrench_point: Vector = field(default_factory=lambda: np.zeros(3))
+    wrench_rotation: Matrix = field(default_factory=lambda: np.eye(3))
+    imu_rotation: Matrix = field(default_factory=lambda: np.eye(3))
     weighed: bool = True
     turn: Vector = field(default_factory=lambda: np.zeros(3))
     measured: bool = True
     units: tuple[float, float] = (1.0, 1.0)
     rate_unit: float = 1.0
-    quaternion: Float[np.ndarray, "4 4"] | None = None
+    quaternion: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
 
     @property
     def lever(self) -> Vector:

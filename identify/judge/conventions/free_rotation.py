@@ -95,7 +95,7 @@ class FreeRotation:
         return nearest, float(np.linalg.norm(rotation_vectors((nearest.T @ self.matrix)[None])))
 
 
-def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: Terms = MOMENT_TERMS) -> FreeRotation:
+def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: Terms) -> FreeRotation:
     """Return the rotation that fits best.
 
     Args:
@@ -224,11 +224,6 @@ def small_turn_text(turn: Vector, covariance: Matrix) -> str:
     u = COVERAGE * np.sqrt(np.diag(covariance))
     parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
     return f"({parts}) deg about x, y, z"
-
-
-def compound(matrix: Matrix, before: Matrix | None) -> Matrix:
-    """Return a rotation after one that is declared already."""
-    return matrix if before is None else matrix @ before
 
 
 def axes_text(matrix: Float[np.ndarray, "n n"]) -> str:

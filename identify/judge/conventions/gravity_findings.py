@@ -33,7 +33,7 @@ from identify.judge.conventions.convention_fit import (
     carried_attitude,
     smoothed,
 )
-from identify.judge.conventions.free_rotation import COVERAGE, axes_text, compound
+from identify.judge.conventions.free_rotation import COVERAGE, axes_text
 from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
@@ -119,7 +119,7 @@ class PosedForce:
     independent: float = 1.0
     """Part of the smoothed samples that are independent."""
 
-    def turned_back(self, yaw: float = 0.0) -> "PosedForce":
+    def turned_back(self, yaw: float) -> "PosedForce":
         """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
         return self._turned_back(np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]))
 
@@ -394,7 +394,7 @@ class _Judgement:
         lines = 'set wrench_frame = "base" in [recording]'
         if abs(yaw) > LEAST_YAW:
             turn = exponential(np.array([0.0, 0.0, self._near_right_angle(yaw)]))
-            axes = axes_text(np.round(compound(turn, self.declared.wrench_rotation), 9))
+            axes = axes_text(np.round(turn @ self.declared.wrench_rotation, 9))
             lines = lines.replace("in [rec", f"and wrench_rotation_to_body = {axes} in [rec")
         if self.attitude.source == "gyro":
             lines = (

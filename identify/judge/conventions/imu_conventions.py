@@ -15,6 +15,7 @@ from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body import regressor
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
+from identify.signals.filters import moving_average
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s²].
@@ -131,8 +132,9 @@ def without_lever(imu: ImuSignal) -> float:
     time, omega, specific_force = imu
     step = float(time[-1] - time[0]) / (len(time) - 1)
     width = max(1, round(SMOOTHED / step))
-    omega, force = _average(omega, width), _average(specific_force, width)[::width]
-    motion = regressor.features(omega[::width].T, np.gradient(omega, step, axis=0)[::width].T)
+    omega, force = (moving_average(signal, width, ends="fewer") for signal in (omega, specific_force))
+    force, alpha = force[::width], np.gradient(omega, step, axis=0)[::width]
+    motion = regressor.features(omega[::width].T, alpha.T)
     lever_columns = np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)
     columns = np.concatenate([lever_columns, np.broadcast_to(np.eye(3), lever_columns.shape)], axis=2)
     power = max(float((force**2).sum()), 1e-12)
@@ -170,19 +172,10 @@ def _turns(imu: ImuSignal) -> tuple[float, float]:
     size = max(float(np.median(np.linalg.norm(g, axis=1))), 1e-9)
     width = min(len(time), max(1, round(WITHIN * len(time) / (time[-1] - time[0]))))
     by_gyro, by_accelerometer = (
-        float(np.sqrt(((x - _average(x, width)) ** 2).sum(axis=1).mean())) / size
+        float(np.sqrt(((x - moving_average(x, width, ends="fewer")) ** 2).sum(axis=1).mean())) / size
         for x in (_turned_gravity(time, omega, g), g)
     )
     return by_gyro, by_accelerometer
-
-
-def _average(x: np.ndarray, width: int) -> Float[np.ndarray, "n 3"]:
-    """The mean over ``width`` samples about each, over fewer at the ends."""
-    n, half = len(x), width // 2
-    total = np.concatenate([np.zeros((half + 1, 3)), np.cumsum(x, axis=0)])
-    total = np.pad(total, ((0, width - half), (0, 0)), mode="edge")
-    count = np.minimum(np.arange(n) + width - half, n) - np.maximum(np.arange(n) - half, 0)
-    return (total[width : width + n] - total[:n]) / count[:, None]
 
 
 def _steady(imu: ImuSignal, within: float = STEADY) -> bool:

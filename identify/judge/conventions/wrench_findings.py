@@ -34,7 +34,6 @@ from identify.judge.conventions.convention_fit import (
     MOMENT,
     MOMENT_TERMS,
     SPECIFIC,
-    CentreFit,
     ConventionSums,
     DeclaredRig,
     ImuSignal,
@@ -48,7 +47,6 @@ from identify.judge.conventions.free_rotation import (
     LEAST_TURN,
     FreeRotation,
     axes_text,
-    compound,
     explains,
     oblique_rotation,
     rotation_finding,
@@ -183,8 +181,6 @@ class BodyByWrench:
     """Mass whose weight the force is [kg]."""
     uncertainty: float
     """Expanded uncertainty of the mass [kg]."""
-    centre: CentreFit
-    """Centre of gravity from Q, by r × F."""
     by_motion: bool = False
     """Whether the force's changes determine the mass, and so the lever."""
 
@@ -212,10 +208,9 @@ class BodyByWrench:
         if declared.mass is not None:
             relative = np.hypot(UNIT_TOLERANCE, self.uncertainty / self.mass)
             chi_square += float(np.log(mass / declared.mass) / relative) ** 2
-        r, covariance = factor * self.centre.r, factor**2 * self.centre.covariance
+        r, covariance = factor * self.sums.centre.r, factor**2 * self.sums.centre.covariance
         if declared.r_cg is not None:
-            sigma = np.zeros(3) if declared.sigma_r_cg is None else declared.sigma_r_cg
-            chi_square += self._distance(declared.r_cg - r, covariance + np.diag(sigma**2 + DRAWN**2))
+            chi_square += self._distance(declared.r_cg - r, covariance + np.diag(declared.sigma_r_cg**2 + DRAWN**2))
         if self._lever is not None:
             lever, spread = self._lever
             at, sigma_at = (np.zeros(3), IMU_AT_Q) if declared.imu_position is None else (declared.imu_position, DRAWN)
@@ -223,7 +218,7 @@ class BodyByWrench:
         return chi_square
 
     def _distance(self, shift: Vector, covariance: Matrix) -> float:
-        seen = shift - self.centre.undetermined @ shift
+        seen = shift - self.sums.centre.undetermined @ shift
         return float(seen @ np.linalg.solve(covariance, seen))
 
     def _impossible(self, reading: UnitReading, mass: float) -> bool:
@@ -362,7 +357,7 @@ class _Examination:
         elif np.array_equal(best.matrix, -np.eye(3)):
             yield Finding.WRENCH_REVERSED.on(self.wrench, doubt=doubt)
         elif np.linalg.det(best.matrix) < 0:
-            axes = axes_text(compound(-best.matrix, self.declared.wrench_rotation))
+            axes = axes_text(-best.matrix @ self.declared.wrench_rotation)
             yield Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes)
         else:
             yield self._turned_axes(before, fits)
@@ -376,8 +371,8 @@ class _Examination:
 
     def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
         """The sensor that is turned, where that is decided, and the line or lines that undo it."""
-        cell = f"wrench_rotation_to_body = {axes_text(compound(matrix, self.declared.wrench_rotation))}"
-        imu = f"imu_rotation_to_body = {axes_text(compound(matrix.T, self.declared.imu_rotation))}"
+        cell = f"wrench_rotation_to_body = {axes_text(matrix @ self.declared.wrench_rotation)}"
+        imu = f"imu_rotation_to_body = {axes_text(matrix.T @ self.declared.imu_rotation)}"
         sensor = self._turned_sensor(before, matrix)
         cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} if the IMU is the rotated one, otherwise {cell},")
         return sensor, cure
@@ -397,7 +392,8 @@ class _Examination:
         """Return the sensor that is turned, by the declared centre of gravity; '' where that does not decide."""
         if self.declared.r_cg is None:
             return ""
-        as_wrench, as_imu = self._misplaced(before.turned(wrench=matrix)), self._misplaced(before.turned(imu=matrix.T))
+        _, as_wrench = self._shift(before.turned(wrench=matrix))
+        _, as_imu = self._shift(before.turned(imu=matrix.T))
         if abs(as_wrench - as_imu) < DECISIVE / 2:
             return ""
         return "wrench" if as_wrench < as_imu else "imu"
@@ -428,10 +424,7 @@ class _Examination:
         """Yield the finding on units, with its rivals, or that on a declared mass which no unit explains."""
         motion = mass_by_motion(self.sums)
         mass, sigma = (weight.mass, weight.uncertainty) if motion is None else (motion.mass, CERTAIN * motion.sigma)
-        body = BodyByWrench(
-            sums=self.sums, given=given, mass=mass, uncertainty=sigma, centre=convention_fit.fit_centre(self.sums),
-            by_motion=motion is not None,
-        )  # fmt: skip
+        body = BodyByWrench(self.sums, given, mass=mass, uncertainty=sigma, by_motion=motion is not None)
         distance, where = self._elsewhere() or (np.inf, "")
         readings, declared = other_units(body, self.declared, distance < FARTHEST), self.declared.mass
         two_systems = bool(readings) and readings[0].cost == COSTS["two systems"]
@@ -465,17 +458,13 @@ class _Examination:
                 vector = small_turn_text(turn, covariance)
                 yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
 
-    def _misplaced(self, sums: ConventionSums) -> float:
-        """Chi-square of the declared centre of gravity against that which force and moment show."""
-        shift, covariance = self._shift(convention_fit.fit_centre(sums))
-        return float(shift @ np.linalg.solve(covariance, shift))
-
-    def _shift(self, centre: CentreFit) -> tuple[Vector, Matrix]:
-        """Return the shift from the run's centre of gravity to the declared one [m], with its covariance [m²]."""
-        sigma = np.zeros(3) if self.declared.sigma_r_cg is None else self.declared.sigma_r_cg
+    def _shift(self, sums: ConventionSums) -> tuple[Vector, float]:
+        """Return the shift from the centre of gravity that some sums show to the declared one [m], its chi-square."""
         assert self.declared.r_cg is not None  # noqa: S101
-        shift = self.declared.r_cg - centre.r
-        return shift - centre.undetermined @ shift, centre.covariance + np.diag(sigma**2) + 1e-6 * np.eye(3)
+        shift = self.declared.r_cg - sums.centre.r
+        shift = shift - sums.centre.undetermined @ shift
+        covariance = sums.centre.covariance + np.diag(self.declared.sigma_r_cg**2) + 1e-6 * np.eye(3)
+        return shift, float(shift @ np.linalg.solve(covariance, shift))
 
     def _point(self) -> Iterator[Contradiction]:
         place = self._elsewhere()
@@ -489,13 +478,11 @@ class _Examination:
         """Distance [m] and coordinates of the point that the moment is about, if not Q, by the declared r_CG."""
         if self.declared.r_cg is None:
             return None
-        centre = convention_fit.fit_centre(self.sums)
-        shift, covariance = self._shift(centre)
-        certain = np.diag(centre.undetermined) < TOLD
-        chi_square = float(shift @ np.linalg.solve(covariance, shift))
+        shift, chi_square = self._shift(self.sums)
+        certain = np.diag(self.sums.centre.undetermined) < TOLD
         distance = float(np.linalg.norm(shift[certain]))
         if chi_square < CERTAIN_SHIFT or distance < LEAST_SHIFT:
             return None
-        point = shift if self.declared.wrench_point is None else shift + self.declared.wrench_point
-        where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in zip(point, certain, strict=True))
+        point = zip(shift + self.declared.wrench_point, certain, strict=True)
+        where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in point)
         return distance, where

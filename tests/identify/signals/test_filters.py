@@ -35,6 +35,13 @@ def test_the_moving_average_is_scipys(generator, count, width, ends, mode):
     np.testing.assert_allclose(moving_average(signal, width, ends=ends), expected, atol=1e-13)
 
 
+@pytest.mark.parametrize(("count", "width"), [(1, 1), (2, 7), (100, 7), (1000, 40), (1000, 1000)])
+def test_at_the_ends_a_moving_average_may_be_of_fewer_samples(generator, count, width):
+    signal = generator.normal(size=(count, 3))
+    expected = [signal[max(k - width // 2, 0) : k - width // 2 + width].mean(axis=0) for k in range(count)]
+    np.testing.assert_allclose(moving_average(signal, width, ends="fewer"), expected, atol=1e-13)
+
+
 def test_a_large_signal_does_not_spoil_the_moving_average_of_a_small_one():
     signal = np.repeat([1e9, 1e-9], 1000)
     np.testing.assert_allclose(moving_average(signal, 10)[1010:], 1e-9, rtol=1e-15)
