@@ -36,9 +36,7 @@ from identify.estimators.run_information import (
 )
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
-from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import response
 from identify.signals.power_spectrum import correlation_time, without_line
 from identify.signals.run import Run
 from identify.sums.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum, trace
@@ -117,7 +115,7 @@ def whitened(
     record = run_lines(run, estimator)
     lines, plain = record.lines, information_of_lines(record, estimator, r_cg, offsets=offsets)
     unweighted = without_offsets(record, offsets)
-    power_gain = response(estimator.filter_taps(run.rate), run.rate, lines.frequency) ** 2
+    power_gain = estimator.passed(run.rate, lines.frequency) ** 2
     inside = _inside(run, lines, power_gain)
     if inside < lines.constants + FEWEST:
         return _unweighed(plain, unweighted[:], len(errors))
@@ -321,11 +319,8 @@ def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndar
 
 def _slope(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:
     """Gain from white noise of the angular velocity to the rows' alpha, but for a factor."""
-    slope = frequency * gain(estimator.taps(run.rate), run.rate, frequency)
-    slope = slope * response(estimator.filter_taps(run.rate), run.rate, frequency)
-    if run.noise is not None:
-        slope = slope * frequency * gain(run.noise.taps, run.noise.rate, frequency)
-    return slope
+    slope = frequency * estimator.gain(run.rate, frequency) * estimator.passed(run.rate, frequency)
+    return slope if run.noise is None else slope * frequency * run.noise.gain(frequency)
 
 
 def _noise(sigma: np.ndarray, weights: np.ndarray, shape: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import cross_matrix
 from identify.signals.run import Rest, Run, RunError
 from identify.signals.segments import Segment
@@ -28,19 +27,6 @@ class Offsets(NamedTuple):
     """Covariance of ``moment`` from noise, (3, 3) [(N·m)²], to which the uncertainty of r adds."""
     force: np.ndarray
     """Mean force that went with it [N], through which r acts on it."""
-
-
-def estimated(
-    rows: np.ndarray,
-    force: np.ndarray,
-    moment: np.ndarray,
-    r_cg: np.ndarray,
-    inertia: np.ndarray,
-    covariance: np.ndarray,
-    mean_covariance: np.ndarray,
-) -> Offsets:
-    """Return the offset that the rows' means leave when the tensor is known: it takes the tensor's covariance along."""
-    return Offsets(moment - np.cross(r_cg, force) - rows @ inertia, mean_covariance + rows @ covariance @ rows.T, force)
 
 
 def rested(rest: Rest, r_cg: np.ndarray) -> Offsets:
@@ -91,10 +77,7 @@ def force_offset(run: Run, r_cg: np.ndarray, mass: float | None) -> np.ndarray |
     """
     if mass is None or run.specific_force is None:
         return None
-    position = np.zeros(3) if run.imu_position is None else run.imu_position
-    alpha = np.gradient(run.omega, run.t, axis=0)
-    at_cg = specific_force_at(run.specific_force, run.omega, alpha, r_cg - position)
-    residual_force = run.force - mass * at_cg
+    residual_force = run.force - mass * run.specific_force_at(r_cg)
     return np.concatenate([residual_force[segment] for segment in run.used()]).mean(axis=0)
 
 

@@ -13,13 +13,11 @@ from jaxtyping import Array, Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import N_FEATURES, Sums, normal_equations
-from identify.estimators.offsets import Offsets, estimated, rested, resting
+from identify.estimators.offsets import Offsets, rested, resting
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
-from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import response
-from identify.signals.power_spectrum import correlation_time, noise_level, welch
+from identify.signals.power_spectrum import correlation_time, welch
 from identify.signals.run import Run
 from identify.sums.residual_spectrum import Spectrum, Trace, leverage, spectrum, trace
 from identify.sums.run_lines import ACTING, FORCE, MOMENT, MOTION, RunLines, run_lines
@@ -150,14 +148,13 @@ def information_of_lines(
     residuals = used.residuals(inertia, r_cg)
     errors = _spectrum_of(residuals, used, spread, estimator, offsets)
     scores = errors.scores(used)
-    sigma = alpha_noise(run, estimator)
-    noise = count * np.einsum("k,kji,kje->ie", sigma**2, OMEGA_R_OF_FEATURES[ALPHA], OMEGA_R_OF_FEATURES[ALPHA])
+    noise = count * noise_in_normal(alpha_noise(run, estimator))
     removed = None
-    if offsets == "estimate":
-        removed = estimated(
-            rows=lines.mean_regressor, force=lines.means[FORCE], moment=lines.means[MOMENT], r_cg=r_cg, inertia=inertia,
-            covariance=spread @ scores @ spread, mean_covariance=errors.at(slice(0, 1))[0] / count,
-        )  # fmt: skip
+    if offsets == "estimate":  # what the rows' means leave, so that it takes the tensor's covariance along
+        regressor, force = lines.mean_regressor, lines.means[FORCE]
+        moment = lines.means[MOMENT] - np.cross(r_cg, force) - regressor @ inertia
+        by_tensor = regressor @ spread @ scores @ spread @ regressor.T
+        removed = Offsets(moment, by_tensor + errors.at(slice(0, 1))[0] / count, force)
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
         total = count * lines.mean_regressor.T
@@ -198,26 +195,30 @@ def _spectrum_of(
     free = 1 - leverage(lines, inverse)
     if offsets == "estimate":
         free = np.clip(free - at.constant[:, None] ** 2 / len(residuals), 0, 1)
-    passed = response(estimator.filter_taps(lines.run.rate), lines.run.rate, at.frequency) ** 2
-    return spectrum(residuals, free, at.constants, passed)
+    return spectrum(residuals, free, at.constants, estimator.passed(lines.run.rate, at.frequency) ** 2)
 
 
 def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
     """Standard deviation of the rows' alpha on each axis [rad/s²], from the angular velocity's noise."""
     if run.noise is not None:
         return run.noise.alpha(estimator, run.rate)
-    return noise_level(*(run.omega[segment] for segment in run.used())) * estimator.alpha_noise_gain(run.rate)
+    return run.white_noise(run.omega) * estimator.alpha_noise_gain(run.rate)
+
+
+def noise_in_normal(sigma: np.ndarray) -> np.ndarray:
+    """Return what white noise of alpha on each axis [rad/s²] adds to ``ΩᵀΩ`` of one row, expected, (6, 6)."""
+    of_alpha = OMEGA_R_OF_FEATURES[ALPHA]
+    return np.einsum("k,kji,kje->ie", sigma**2, of_alpha, of_alpha)
 
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """Return the tensor's relative error by the differentiator's gain: 1/gain - 1, weighed by the spectrum of alpha."""
     omega = run.omega[run.longest_segment]
     frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
-    inside = frequency <= run.band
-    passed = response(estimator.filter_taps(run.rate), run.rate, frequency[inside])
-    weight = (power.sum(axis=1) * frequency**2)[inside] * passed**2
-    total = gain(estimator.taps(run.rate), run.rate, frequency[inside])
+    power, frequency = power[frequency <= run.band], frequency[frequency <= run.band]
+    weight = power.sum(axis=1) * frequency**2 * estimator.passed(run.rate, frequency) ** 2
+    total = estimator.gain(run.rate, frequency)
     if run.noise is not None:  # the angular velocity was differentiated, too
-        total = total * gain(run.noise.taps, run.noise.rate, frequency[inside])
+        total = total * run.noise.gain(frequency)
     error = 1 / total - 1
     return float(weight @ error / max(weight.sum(), 1e-300))

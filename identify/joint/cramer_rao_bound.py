@@ -14,8 +14,8 @@ import numpy as np
 from identify.exceptions import explains_names
 from identify.joint.gauss_newton import information, posterior
 from identify.joint.joint_model import SIZES, SLICES, SpecificForce
-from identify.joint.priors import STATIC, Alignment, PriorBlock
-from identify.joint.single_run import REACH, Setting, prepared, whitener
+from identify.joint.priors import STATIC, Alignment, PriorBlock, Setting
+from identify.joint.single_run import REACH, prepared, whitener
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS, Body
 from identify.rigid_body.inertial_parameters import by_component
@@ -105,7 +105,7 @@ def bound(
     )
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
-    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.imu_position, setting)
+    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.accelerometer_position, setting)
     z = beforehand.coordinates({"inertia": np.asarray(body.inertia)})
     white = _whitener(body, noise, rows.factor, specific_force)
     covariance, by_prior = posterior(information(model, beforehand, white, z), beforehand)

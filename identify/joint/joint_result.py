@@ -13,8 +13,8 @@ from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
 from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.prior_departure import departures
-from identify.joint.priors import STATIC, Alignment, axes_of, calibrated, indices
-from identify.joint.single_run import JointRun, Setting, alpha_noise_gain
+from identify.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, indices
+from identify.joint.single_run import JointRun, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import ESTIMATED

@@ -5,13 +5,13 @@ free. An unknown of zero uncertainty has no column, so it is neither estimated n
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER
+from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER, SpecificForce
 from identify.signals.run import RunError
 
 
@@ -142,6 +142,30 @@ def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
     return any(names[: len(STATIC)] == STATIC for names in blocks)
 
 
+@dataclass(frozen=True)
+class Setting:
+    """Everything that a joint estimate is given beside the runs."""
+
+    blocks: Mapping[tuple[str, ...], PriorBlock]
+    """Mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block."""
+    alignment: Alignment
+    """Prior of delay, rotation and slow errors."""
+    band: float
+    """Highest frequency of the motion [Hz]."""
+    specific_force: SpecificForce
+    gravity: float
+    """Local gravity that is stated [m/s²]."""
+    scale: float = 1.0
+    """Order of magnitude of the tensor [kg·m²]."""
+    flat: tuple[str, ...] = ("inertia",)
+    """Unknowns without a prior; what is stated of them is only where the search starts, and their size."""
+    errors: Mapping[str, ConstantError] = field(default_factory=dict)
+    """Declared constant errors by the name of their source; ``blocks`` hold them too."""
+    lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Errors of the static calibration that are the same in another body's result, by name, in the order of
+    ``STATIC``."""
+
+
 @dataclass(frozen=True, eq=False)
 class Prior:
     """The prior of all unknowns of one run."""
@@ -169,27 +193,17 @@ class Prior:
         return root @ root.T
 
 
-def prior(
-    blocks: Mapping[tuple[str, ...], PriorBlock],
-    alignment: Alignment,
-    *,
-    gyro_density: np.ndarray,
-    scale: float,
-    wander: bool = True,
-    flat: Iterable[str] = ("inertia",),
-) -> Prior:
+def prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
     """Return the prior of one run.
 
     Args:
-        blocks: mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block.
-        alignment: prior of delay, rotation and slow errors.
+        setting: of the estimate.
         gyro_density: density of the gyro's white noise on each axis [rad/s^0.5].
-        scale: order of magnitude of the tensor [kg·m²].
-        wander: whether the attitude is integrated, so that the gyro's noise makes it wander.
-        flat: unknowns without a prior; what is stated of them is only where the search starts, and their size.
     """
+    alignment = setting.alignment
+    wander = setting.specific_force == "still"  # the attitude is integrated, so that the gyro's noise makes it wander
     sigma = {
-        "inertia": scale,
+        "inertia": setting.scale,
         "gyro_bias": alignment.sigma_gyro_bias,
         "tilt": (1.0 if alignment.sigma_tilt is None else alignment.sigma_tilt) if wander else 0.0,
         "delay": alignment.sigma_delay,
@@ -203,12 +217,12 @@ def prior(
     mean[SLICES["delay"]], mean[SLICES["rotation"]] = alignment.delay, alignment.rotation
     for name, value in sigma.items():
         spread[SLICES[name], SLICES[name]] = np.diag(np.broadcast_to(value, SIZES[name]))
-    for names, block in blocks.items():
+    for names, block in setting.blocks.items():
         where = indices(names)
         mean[where] = block.mean
         spread[np.ix_(where, where)] = root_of(block.covariance)
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
-    counted = 1.0 - np.isin(free, indices(flat))
+    counted = 1.0 - np.isin(free, indices(setting.flat))
     return Prior(mean, spread[:, free], counted)
 
 

@@ -1,50 +1,25 @@
 """One run's joint estimate from its samples: start, noise, solution."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.estimators.run_information import excitation
+from identify.estimators.run_information import excitation, noise_in_normal
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
 from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
-from identify.joint.joint_model import COUNT, SLICES, Model, SpecificForce, unknowns
+from identify.joint.joint_model import COUNT, SLICES, Model, unknowns
 from identify.joint.motion_signals import MotionSignals
-from identify.joint.priors import Alignment, ConstantError, Prior, PriorBlock, prior
-from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES, cross_matrix
+from identify.joint.priors import Alignment, Prior, Setting, prior
+from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrices, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
-from identify.signals.power_spectrum import noise_level
 from identify.signals.run import Run, RunError
 
 LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
 REACH = 4.0
 """Standard uncertainties of the delay that the margins at a run's ends allow for."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Everything that a joint estimate is given beside the runs."""
-
-    blocks: Mapping[tuple[str, ...], PriorBlock]
-    """Mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block."""
-    alignment: Alignment
-    band: float
-    """Highest frequency of the motion [Hz]."""
-    specific_force: SpecificForce
-    gravity: float
-    """Local gravity that is stated [m/s²]."""
-    scale: float = 1.0
-    """Order of magnitude of the tensor [kg·m²]."""
-    flat: tuple[str, ...] = ("inertia",)
-    """Unknowns of which nothing is known beforehand."""
-    errors: Mapping[str, ConstantError] = field(default_factory=dict)
-    """Declared constant errors by the name of their source; ``blocks`` hold them too."""
-    lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Errors of the static calibration that are the same in another body's result, by name, in the order of
-    ``STATIC``."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +59,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
     sigma = gyro_noise(run)
-    model, beforehand = prepared(rows, sigma / np.sqrt(run.rate), run.imu_position, setting)
+    model, beforehand = prepared(rows, sigma / np.sqrt(run.rate), run.accelerometer_position, setting)
     _check_excitation(run, model, setting, sigma)
     noise = _raw_noise(run, model, beforehand) / model.rows.factor
     try:
@@ -100,52 +75,34 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
 
 def gyro_noise(run: Run) -> np.ndarray:
     """Return the standard deviation of the gyro's white noise on each axis [rad/s], from its fourth differences."""
-    return np.maximum(noise_level(*(run.omega[segment] for segment in run.used())), LEAST_NOISE * _size(run.omega))
+    return np.maximum(run.white_noise(run.omega), LEAST_NOISE * _size(run.omega))
 
 
-def prepared(
-    rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray | None, setting: Setting
-) -> tuple[Model, Prior]:
+def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, setting: Setting) -> tuple[Model, Prior]:
     """Return the model of decimated rows, and the prior of its unknowns."""
     alignment, kind = setting.alignment, setting.specific_force
-    beforehand = prior(
-        setting.blocks,
-        alignment,
-        gyro_density=gyro_density,
-        scale=setting.scale,
-        wander=kind == "still",
-        flat=setting.flat,
-    )
     to_imu = exponential(np.asarray(alignment.rotation, float)).T
     model = Model(
-        rows=rows, up=to_imu[:, 2], gravity=setting.gravity,
-        imu_position=np.zeros(3) if imu_position is None else imu_position, specific_force=kind,
+        rows=rows, up=to_imu[:, 2], gravity=setting.gravity, imu_position=imu_position, specific_force=kind,
         used=rows.used,
     )  # fmt: skip
     if kind == "still" and alignment.sigma_tilt is None:
         model = replace(model, up=start_up(model, to_imu, start_bias(model, to_imu, alignment)))
-    return model, beforehand
+    return model, prior(setting, gyro_density)
 
 
 def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
     """Refuse a run whose motion alone does not determine the tensor."""
     phi = features_at_delay(model.rows, np.eye(3), setting.alignment.delay)
     tensor = np.einsum("kji,kn->jni", OMEGA_R_OF_FEATURES, phi).reshape(-1, 6)
-    noise = float(model.rows.used.sum()) * noise_in_alpha(run.rate, model.rows, gyro_noise, np.eye(3))
-    verdict = excitation(tensor.T @ tensor, noise)
+    noise = noise_in_normal(gyro_noise * np.sqrt(alpha_noise_gain(run.rate, model.rows)))
+    verdict = excitation(tensor.T @ tensor, float(model.rows.used.sum()) * noise)
     if not verdict.identifiable.all():
         names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
         raise RunError(
             f"the motion in {run.name} by itself does not identify {names}: "
             f"{run.cure('rotate about more axes, or faster')}"
         )
-
-
-def noise_in_alpha(rate: float, rows: InBand, gyro_noise: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return what white noise of the gyro adds to ``Ωᵀ W Ω`` of one row, expected, through alpha alone, (6, 6)."""
-    rows_of_alpha = np.asarray(OMEGA_R_OF_FEATURES[ALPHA])
-    variance = gyro_noise**2 * alpha_noise_gain(rate, rows)
-    return np.einsum("k,kji,jl,kle->ie", variance, rows_of_alpha, weight, rows_of_alpha)
 
 
 def alpha_noise_gain(rate: float, rows: InBand) -> float:
@@ -206,11 +163,7 @@ def _size(signal: np.ndarray) -> float:
 
 def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     """Covariance of one sample's rows from the fourth differences."""
-    segments = run.used()
-    level = [
-        np.maximum(noise_level(*(signal[segment] for segment in segments)), LEAST_NOISE * _size(signal))
-        for signal in (run.force, run.moment)
-    ]
+    level = [np.maximum(run.white_noise(signal), LEAST_NOISE * _size(signal)) for signal in (run.force, run.moment)]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
     mean = beforehand.mean
@@ -218,7 +171,7 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
-    accelerometer = np.maximum(noise_level(*(run.specific_force[segment] for segment in segments)), 1e-6)
+    accelerometer = np.maximum(run.white_noise(run.specific_force), 1e-6)
     lever = float(mean[SLICES["mass"]][0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
@@ -244,8 +197,7 @@ def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nda
     up = (up / np.linalg.norm(up, axis=0)).T
     omega = motion_at_delay(rows, alignment.delay)[0][:3].T
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
-    hat = np.moveaxis(cross_matrix(up.T), -1, 0)
-    turned = -rows.interval * np.cumsum(hat, axis=0)
+    turned = -rows.interval * np.cumsum(cross_matrices(up), axis=0)
     matrix = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 6)
     sigma = np.maximum(np.broadcast_to(alignment.sigma_gyro_bias, 3), 1e-9)
     ridge = np.diag(np.concatenate([(0.01 / sigma) ** 2, np.zeros(3)]))

@@ -22,8 +22,7 @@ from jaxtyping import Float
 from identify.exceptions import RunError
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, SpecificForce
-from identify.joint.priors import PriorBlock, error_blocks, root_of
-from identify.joint.single_run import Setting
+from identify.joint.priors import PriorBlock, Setting, error_blocks, root_of
 from identify.judge.judged_result import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.methods.base import Problem, estimator_of

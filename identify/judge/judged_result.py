@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import Alignment, PriorBlock, error_blocks
-from identify.joint.single_run import Setting
+from identify.joint.priors import Alignment, PriorBlock, Setting, error_blocks
 from identify.judge import held_errors
 from identify.judge.causes import FollowedCause, followed, gyro_axes
 from identify.judge.conventions.convention_fit import ImuSignal

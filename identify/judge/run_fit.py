@@ -20,8 +20,8 @@ from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, Model, SpecificForce, unknowns
 from identify.joint.motion_signals import MotionSignals
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
-from identify.joint.priors import Alignment, Prior
-from identify.joint.single_run import Setting, gyro_noise, prepared, start_bias, start_up
+from identify.joint.priors import Alignment, Prior, Setting
+from identify.joint.single_run import gyro_noise, prepared, start_bias, start_up
 from identify.judge.evidence import Base, spectrum
 from identify.judge.findings import MATTERS, Finding, signed
 from identify.results.declaration import ResidualCause
@@ -117,7 +117,7 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         setting: priors, and where the specific force comes from.
         start: unknowns from which the search starts elsewhere than at the prior's mean.
     """
-    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), run.imu_position, setting)
+    model, prior = prepared(rows, gyro_noise(run) / np.sqrt(run.rate), run.accelerometer_position, setting)
     z = prior.coordinates(start)
     if setting.specific_force == "none":
         model = with_force_of_motion(model, prior.theta(z), setting.alignment)

@@ -9,8 +9,8 @@ from identify.exceptions import RunError
 from identify.floating_point import check_precision
 from identify.joint.joint_model import SLICES, SpecificForce
 from identify.joint.joint_result import joint_result
-from identify.joint.priors import STATIC, Alignment, ConstantError, PriorBlock, error_blocks, linked
-from identify.joint.single_run import JointRun, Setting, joint_run
+from identify.joint.priors import STATIC, Alignment, ConstantError, PriorBlock, Setting, error_blocks, linked
+from identify.joint.single_run import JointRun, joint_run
 from identify.methods.base import Method, Problem
 from identify.results.identification_result import Identification
 from identify.signals.run import Run

@@ -5,8 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from identify.signals.differentiate import central_difference, matched, savitzky_golay
-from identify.signals.filters import gaussian
+from identify.signals.differentiate import central_difference, gain, matched, savitzky_golay
+from identify.signals.filters import gaussian, response
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,14 @@ class EstimatorSpec:
     def filter_taps(self, rate: float) -> np.ndarray:
         """Return the taps of the filter on both sides at a sample rate [Hz]; one tap of 1 is no filter."""
         return np.ones(1) if self.lowpass is None else gaussian(rate, self.lowpass)
+
+    def gain(self, rate: float, frequency: np.ndarray) -> np.ndarray:
+        """Return the differentiator's response over jω at each frequency [Hz], at a sample rate [Hz]."""
+        return gain(self.taps(rate), rate, frequency)
+
+    def passed(self, rate: float, frequency: np.ndarray) -> np.ndarray:
+        """Return the gain of the filter on both sides at each frequency [Hz], at a sample rate [Hz]."""
+        return response(self.filter_taps(rate), rate, frequency)
 
     def lost(self, rate: float) -> int:
         """Return how many samples of a run, both ends together, give no row."""

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.dynamics import specific_force_at
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.run import Run, RunError
@@ -36,7 +35,7 @@ def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Segment]) -> Float[np.nda
     if run.attitude is not None and run.gravity is not None:
         return -np.einsum("nji,j->ni", run.attitude, run.gravity / np.linalg.norm(run.gravity))
     if run.specific_force is not None:
-        return _by_accelerometer(run, run.specific_force, r_cg)
+        return _by_accelerometer(run, r_cg)
     if not rests:
         raise RunError(
             f"{run.name} tells nothing of the attitude, without accelerometer and without rest: the removed weight "
@@ -58,12 +57,9 @@ def upward_by_force(run: Run, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray,
     return upward(as_imu, r_cg, ())
 
 
-def _by_accelerometer(run: Run, force: np.ndarray, r_cg: np.ndarray) -> np.ndarray:
+def _by_accelerometer(run: Run, r_cg: np.ndarray) -> np.ndarray:
     """Least squares over direction and bias: ``f ≈ R_BA (u - u × C b)`` with ``C = ∫R_AB dt``."""
-    position = np.zeros(3) if run.imu_position is None else run.imu_position
-    alpha = np.gradient(run.omega, run.t, axis=0)
-    reading = specific_force_at(force, run.omega, alpha, r_cg - position)
-    usable = run.usable
+    reading, usable = run.specific_force_at(r_cg), run.usable
     bias, up = np.zeros(3), UP
     for _ in range(ROUNDS):
         to_body = _turned(run, bias)

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
-from identify.signals.power_spectrum import motion_band
+from identify.rigid_body.dynamics import specific_force_at
+from identify.signals.power_spectrum import motion_band, noise_level
 from identify.signals.resample import (
     UNEQUAL,
     below,
@@ -252,6 +253,25 @@ class Run:
         outside = {"outside the part": len(self.t) - int(inside.sum())}
         left_out = {**self.left_out, **outside} if outside["outside the part"] else self.left_out
         return replace(cut, missing=missing if missing.any() else None, segments=segments, left_out=left_out)
+
+    @property
+    def accelerometer_position(self) -> Float[np.ndarray, "3"]:
+        """Position of the accelerometer from Q, in B [m]: zero where it is not known."""
+        return np.zeros(3) if self.imu_position is None else self.imu_position
+
+    def specific_force_at(self, point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n 3"]:
+        """Return the specific force at a point of the body from Q [m/s²], as the accelerometer shows it from its own.
+
+        Args:
+            point: in B [m].
+        """
+        assert self.specific_force is not None  # noqa: S101 - asked of runs with an accelerometer alone
+        alpha = np.gradient(self.omega, self.t, axis=0)
+        return specific_force_at(self.specific_force, self.omega, alpha, point - self.accelerometer_position)
+
+    def white_noise(self, signal: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "3"]:
+        """Return the standard deviation of white noise on each axis of one of its signals, where it may be used."""
+        return noise_level(*(signal[segment] for segment in self.used()))
 
     def used(self) -> list[slice]:
         """Return the segments of samples without one that must not be used."""

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from identify.signals.differentiate import gain
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import response
 
 
 class ShapedNoise(NamedTuple):
@@ -31,9 +30,13 @@ class ShapedNoise(NamedTuple):
         """
         highest = min(rate, self.rate) / 2
         frequency = (np.arange(20_000) + 0.5) / 20_000 * highest
-        gains = gain(self.taps, self.rate, frequency) * gain(estimator.taps(rate), rate, frequency)
-        passed = (2 * np.pi * frequency) ** 2 * gains * response(estimator.filter_taps(rate), rate, frequency)
+        gains = self.gain(frequency) * estimator.gain(rate, frequency)
+        passed = (2 * np.pi * frequency) ** 2 * gains * estimator.passed(rate, frequency)
         return self.sigma * float(np.sqrt(np.mean(passed**2) * highest / (self.rate / 2)))
+
+    def gain(self, frequency: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        """Return the response over jω of the differentiator that made the angular velocity, at frequencies [Hz]."""
+        return gain(self.taps, self.rate, frequency)
 
     def turned(self, rotation: Float[np.ndarray, "3 3"]) -> "ShapedNoise":
         """Return the noise on other axes."""

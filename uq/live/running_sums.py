@@ -12,10 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.run_information import alpha_noise
-from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
+from identify.estimators.run_information import alpha_noise, noise_in_normal
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.filters import moving_average, response
+from identify.signals.filters import moving_average
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
 from identify.sums.residual_spectrum import Lines
 from identify.sums.run_lines import unbroken, usable_rows
@@ -82,9 +81,7 @@ class RunningSums:
         rows = signals[ELEMENTS:]
         self.products += rows @ rows.T
         self._add_spectra(rows[REGRESSED].T, keep, run.rate)
-        sigma = alpha_noise(run, estimator)
-        alpha_map = OMEGA_R_OF_FEATURES[ALPHA]
-        self.noise += len(keep) * np.einsum("k,kji,kje->ie", sigma**2, alpha_map, alpha_map)
+        self.noise += len(keep) * noise_in_normal(alpha_noise(run, estimator))
         self.seconds += len(keep) / run.rate
 
     def _moves(self, omega: np.ndarray, rate: float) -> bool:
@@ -108,7 +105,7 @@ class RunningSums:
             number = np.round(2 * BLOCK * lines.frequency).astype(int)  # of a whole block's line at this frequency
             band = np.minimum(np.ceil(np.log2(number + 1)).astype(int), BANDS - 1)
             edges = np.searchsorted(band, np.arange(BANDS + 1))
-            passed = response(self.estimator.filter_taps(rate), rate, lines.frequency) ** 2
+            passed = self.estimator.passed(rate, lines.frequency) ** 2
             for b in np.unique(band):
                 part = transformed[edges[b] : edges[b + 1]]
                 self.spectra[b] += part.T @ part
