@@ -115,4 +115,4 @@ def parse_json(text: str | bytes) -> Any:
     try:
         return json.loads(text)
     except RecursionError:
-        raise ValueError("lists or objects lie too deep in one another") from None
+        raise ValueError("lists or objects are nested too deeply") from None

@@ -41,7 +41,7 @@ def parse_toml(data: bytes) -> dict[str, Any]:
         document = tomllib.loads(data.decode())
         repr(document)  # in hexadecimal a number may have more digits than Python writes into a message
     except RecursionError:
-        raise TomlError("tables or lists lie too deep in one another") from None
+        raise TomlError("tables or lists are nested too deeply") from None
     except UnicodeDecodeError:
         raise TomlError("not a text file") from None
     except tomllib.TOMLDecodeError as error:
@@ -220,7 +220,7 @@ def _count(types: tuple[Any, ...]) -> str:
     if types[0] is str:
         return f"the names of {len(types)} columns"
     units = " with their units" if get_origin(types[0]) is Annotated else ""
-    return f"{COUNTS.get(len(types), len(types))} values{units}{', one an axis' if len(types) == 3 else ''}"
+    return f"{COUNTS.get(len(types), len(types))} values{units}{', one per axis' if len(types) == 3 else ''}"
 
 
 def _tables(hint: Any) -> list[type[TomlTable]]:

@@ -46,7 +46,7 @@ PAIRS = (("T1", "T2"), ("T3", "T4"))
 
 
 class Imperfections(NamedTuple):
-    """Imperfections of a rig besides Table 1's noise and offsets: standard deviations of normal draws, one a run."""
+    """Imperfections of a rig besides Table 1's noise and offsets: standard deviations of normal draws, one per run."""
 
     still_point: float = 1e-3
     """Standard deviation of the still point's position on each axis [m], besides the error of the centre of gravity.

@@ -43,7 +43,7 @@ class Data(NamedTuple):
 
     estimate: Float[np.ndarray, "6"]
     information: Float[np.ndarray, "6 6"]
-    """Inverse covariance, zero where the data say nothing."""
+    """Inverse covariance, zero where the data add nothing."""
 
     def distance(self, inertia: Float[np.ndarray, "6"]) -> float:
         """Return the distance Q of a tensor from the data."""
@@ -227,7 +227,7 @@ def fit(
     Args:
         body: :func:`log_cholesky` or :func:`pseudo_inertia`.
         estimate: the plain estimate of what ``body`` returns; its last six are the tensor.
-        information: inverse of its covariance, zero where the data say nothing.
+        information: inverse of its covariance, zero where the data add nothing.
         start: free numbers to start from.
 
     Raises:
@@ -237,7 +237,7 @@ def fit(
         arrays = tuple(jnp.asarray(np.asarray(array, np.float64)) for array in (estimate, information, start))
         free, converged = _fit(body, *arrays)
         if not bool(converged):
-            raise ValueError("Argument `estimate` must be near a body's, but the fit did not converge.")
+            raise ValueError("Argument `estimate` must be near a possible tensor, but the fit did not converge.")
         return np.asarray(body(free))
 
 

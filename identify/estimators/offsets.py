@@ -43,7 +43,7 @@ def resting(run: Run) -> Rest:
     """
     if run.rest is None:
         raise RunError(
-            f"{run.name} holds no rest to take the offsets from: record a second of it before or after the motion, or "
+            f"{run.name} has no rest to take the offsets from: record a second of it before or after the motion, or "
             "have them estimated"
         )
     return run.rest

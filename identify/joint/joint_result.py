@@ -29,8 +29,8 @@ from identify.sums.residual_spectrum import Trace, thinned, trace
 FORCE_ASSUMPTION = {
     "still": "the centre of gravity stays where it is: the specific force is gravity's, through the gyro's attitude",
     "accelerometer": "the specific force at the centre of gravity is the accelerometer's, carried there",
-    "none": "neither is the centre of gravity declared still nor is there an accelerometer: the force is as measured, "
-    "and tells no mass, which a scale or static poses do",
+    "none": "the centre of gravity is not declared still and there is no accelerometer: the force is used as measured, "
+    "and does not determine the mass (weigh the body, or record static poses)",
 }
 WEIGHED = 0.9
 """Standard uncertainty over the mass from which no mass is stated where nothing tells it: that of its prior is one."""
@@ -204,7 +204,7 @@ def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray) -> list[
     ]
     if pooled.scatter > LEAST_SCATTER:
         warnings.append(
-            f"the runs scatter {pooled.scatter:.1f} times more than their own noise says: something changes"
+            f"the runs scatter {pooled.scatter:.1f} times more than their own noise explains: they are not alike"
         )
     return warnings
 

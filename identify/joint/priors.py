@@ -47,7 +47,7 @@ class Alignment:
                     f"{name} of the alignment is {value!r}: give finite numbers, uncertainties not below zero"
                 )
             if len(numbers) not in (1, 3) or (len(numbers) == 3 and name in ("delay", "sigma_delay", "sigma_tilt")):
-                raise RunError(f"{name} of the alignment has {len(numbers)} numbers: give one, or one an axis")
+                raise RunError(f"{name} of the alignment has {len(numbers)} numbers: give one, or one per axis")
 
 
 STATIC = ("mass", "r_cg", "force_offset", "moment_offset")

@@ -100,8 +100,7 @@ def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.n
     if not verdict.identifiable.all():
         names = ", ".join(verdict.unidentifiable) or verdict.blind_direction
         raise RunError(
-            f"the motion in {run.name} by itself does not identify {names}: "
-            f"{run.cure('rotate about more axes, or faster')}"
+            f"the motion in {run.name} alone does not identify {names}: {run.cure('rotate about more axes, or faster')}"
         )
 
 

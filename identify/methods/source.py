@@ -109,7 +109,7 @@ def _warnings(informations: Sequence[Information], pooled: Pooled, spec: Estimat
     for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
         if ratio > 2:
             warnings.append(
-                f"{name} scatters {ratio:.1f} times more between the runs than within them: something changes"
+                f"{name} scatters {ratio:.1f} times more between the runs than within them: they are not alike"
             )
     return warnings
 

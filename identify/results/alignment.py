@@ -55,15 +55,15 @@ def alignment_warnings(delay: Aligned, rotation: Aligned | None) -> list[str]:
     warnings = []
     if delay.estimated and delay.prior_share[0] > LARGEST_PRIOR_SHARE:
         warnings.append(
-            f"the motion does not tell the delay: {100 * delay.prior_share[0]:.0f} % of its variance is what was "
-            "declared; accelerate more, or declare it better"
+            f"the motion does not determine the delay: {100 * delay.prior_share[0]:.0f} % of its variance is the "
+            "declared one; accelerate more, or declare it more closely"
         )
     if rotation is None or not rotation.estimated:
         return warnings
     axes = [axis for axis, share in zip("123", rotation.prior_share, strict=True) if share > LARGEST_PRIOR_SHARE]
     if axes:
         warnings.append(
-            f"the motion does not tell the rotation between load cell and IMU about axis {enumerated(axes)}: the "
+            f"the motion does not determine the rotation between load cell and IMU about axis {enumerated(axes)}: the "
             "interval is what was declared; rotate about more axes, or declare it better"
         )
     return warnings
@@ -87,9 +87,9 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     angles = listed(np.degrees(rotation.value), np.degrees(rotation.standard_uncertainty))
     by = significant(GRAM_METRE * other[worst], 2, signed=True)
     return [
-        f"IMU and load cell are turned against each other by ({angles})°: taken as the IMU's; were it the load cell's, "
-        f"{COMPONENTS[worst]} would be {by} g·m² different: declare a misalignment of the "
-        "wrench, or sigma_rotation where it is the IMU's"
+        f"IMU and load cell are rotated relative to each other by ({angles})°: attributed to the IMU; if the load "
+        f"cell is the rotated one, {COMPONENTS[worst]} changes by {by} g·m²: declare a misalignment of the wrench, or "
+        "sigma_rotation if it is the IMU"
     ]
 
 

@@ -83,7 +83,7 @@ class Discordance:
     @property
     def warnings(self) -> list[str]:
         """A line for each run or mounting that leaves the others."""
-        return [f"{d.name} leaves the others: {d.text}{self._of_pool(d)}; {CURE}" for d in self.departures]
+        return [f"{d.name} disagrees with the others: {d.text}{self._of_pool(d)}; {CURE}" for d in self.departures]
 
     def _of_pool(self, departure: Discordant) -> str:
         if self.without is None:
@@ -102,7 +102,7 @@ class Discordance:
 
 RECORDED = ("mounting", "component", "difference", "standard_uncertainty")
 """Properties of a departure in result.json, beside its runs."""
-CURE = "find what was different there, and leave it out only for a reason"
+CURE = "find out what was different, and leave it out only for a reason"
 
 
 def discordant_runs(runs: Sequence[RunEstimate], redrawn: np.ndarray) -> tuple[Discordant, ...]:

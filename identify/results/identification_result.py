@@ -66,7 +66,7 @@ def evaluation_type(name: str) -> str:
 class Identification(Result):
     """The inertia tensor about the centre of gravity, in the body frame, from one or more runs. SI units.
 
-    Example: ``identify(runs, ...).to_frame()`` has a row a component; ``.figures()["residuals"]``.
+    Example: ``identify(runs, ...).to_frame()`` has a row per component; ``.figures()["residuals"]``.
     """
 
     kind = "inertia identify"
@@ -135,7 +135,7 @@ class Identification(Result):
     admissible: Admissible | None = None
     """The estimate within physical bodies beside the plain one, where the data are weak; None: they are not."""
     discordance: Discordance | None = None
-    """Runs that leave the others; None: none does, or it was not looked at."""
+    """Runs that disagree with the others; None: none does, or it was not looked at."""
     by_held_errors: Mapping[str, np.ndarray] | None = None
     """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed. See
     :func:`identify.judge.held_errors.by_held_errors`."""

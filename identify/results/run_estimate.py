@@ -70,7 +70,7 @@ def run_estimate(information: Information, r_cg: np.ndarray, mass: float | None)
 
 
 def offsets_content(runs: Sequence[RunEstimate], sigma_r_cg: np.ndarray, r_cg: np.ndarray) -> dict[str, Any]:
-    """Return the runs' offsets for result.json, one entry a run [N, N·m]."""
+    """Return the runs' offsets for result.json, one entry per run [N, N·m]."""
 
     def listed(values: np.ndarray | None) -> list[float] | None:
         return None if values is None else values.tolist()

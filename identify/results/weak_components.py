@@ -59,7 +59,7 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
     bounded = admissible(result.inertia, result.covariance, factor, result.seen)
     if bounded is None:
         if result.seen is not None:
-            raise RunError(f"what {runs[0].name} determines is no body's: check signs, frames and r_CG")
+            raise RunError(f"what {runs[0].name} determines is physically impossible: check signs, frames and r_CG")
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
     weak = replace(
         result,
@@ -72,7 +72,7 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
     unusual = bounded.distance > UNUSUAL and not weakness
-    changed = [f"{bounded.reason}: the estimate is that of the nearest body"] if unusual else []
+    changed = [f"{bounded.reason}: the estimate is the nearest possible tensor"] if unusual else []
     return replace(weak, warnings=(*result.warnings, *weakness, *changed, *_wide_intervals(weak)))
 
 
@@ -107,8 +107,8 @@ def _wide_intervals(result: Identification) -> list[str]:
     scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
     wide = result.determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
     names = [name for name, is_wide in zip(COMPONENTS, wide, strict=True) if is_wide]
-    advice = "half the interval is more than half the moments there; record for longer, or rotate about more axes"
-    return [f"{', '.join(names)} hardly known: {advice}"] if names else []
+    advice = "half the interval exceeds half the moments of those axes; record for longer, or rotate about more axes"
+    return [f"{', '.join(names)} poorly determined: {advice}"] if names else []
 
 
 def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
@@ -119,8 +119,8 @@ def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Ru
         if not determined
     ]
     return (
-        f"{', '.join(names)} not determined: {_motion(bounded, covariance, runs)}; bodies with the rest have "
-        f"{', '.join(ranges)}; rotate about more axes"
+        f"{', '.join(names)} not determined: {_motion(bounded, covariance, runs)}; possible bodies with the "
+        f"other components have {', '.join(ranges)}; rotate about more axes"
     )
 
 
@@ -145,7 +145,7 @@ def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) ->
         moment = f"about which its moment is {with_uncertainty(float(value), float(sigma))} g·m²"
         return f"the body turns about one axis only, {_vector(axis)}, {moment}"
     if power[0] < ONE_AXIS * power[2]:
-        return f"the body turns about axes of one plane only, across {_vector(axes[:, 0])}"
+        return f"the body turns only about axes in the plane normal to {_vector(axes[:, 0])}"
     return "the motion is too slow or too brief"
 
 

@@ -58,6 +58,6 @@ def free_of(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
     """
     flipped = second_moment(np.asarray(inertia, float))[::-1, ::-1]
     if not (np.linalg.eigvalsh(flipped) > 0).all():
-        raise ValueError("Argument `inertia` must be a body's tensor, but breaks the triangle inequality.")
+        raise ValueError("Argument `inertia` must be a physically possible tensor, but breaks the triangle inequality.")
     upper = np.linalg.cholesky(flipped)[::-1, ::-1]
     return np.array([*np.log(np.diag(upper)), upper[0, 1], upper[1, 2], upper[0, 2]])

@@ -23,7 +23,7 @@ def gaussian(rate: float, cutoff: float) -> np.ndarray:
     """
     sigma = np.sqrt(np.log(2)) / (2 * np.pi * cutoff)
     if not 4 * sigma * rate < LONGEST:
-        raise ValueError(f"a low-pass of {cutoff:g} Hz is longer than any run: give a higher cut-off")
+        raise ValueError(f"a low-pass of {cutoff:g} Hz is longer than any run: give a higher cut-off frequency")
     half = int(np.ceil(4 * sigma * rate))
     taps = np.exp(-0.5 * (np.arange(-half, half + 1) / (sigma * rate)) ** 2)
     return taps / taps.sum()

@@ -38,7 +38,7 @@ def upward(run: Run, r_cg: np.ndarray, rests: Sequence[Segment]) -> Float[np.nda
         return _by_accelerometer(run, r_cg)
     if not rests:
         raise RunError(
-            f"{run.name} tells nothing of the attitude, without accelerometer and without rest: the removed weight "
+            f"the attitude in {run.name} is unknown, without accelerometer and without rest: the removed weight "
             "cannot be put back; record a second of rest, level, before the motion"
         )
     still = np.concatenate([run.omega[(run.t - run.t[0] >= s.start) & (run.t - run.t[0] <= s.stop)] for s in rests])

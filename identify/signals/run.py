@@ -291,7 +291,7 @@ class Run:
 def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tuple[np.ndarray, list[np.ndarray]]:
     t = numbers(f"time of the {channel} in {name}", t)
     if t.ndim != 1:
-        raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number a sample")
+        raise RunError(f"times of the {channel} in {name} have shape {t.shape}: give one number per sample")
     if len(t) < 2:
         raise RunError(f"fewer than two samples of the {channel} in {name}: record for longer")
     arrays = []
@@ -299,7 +299,7 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
         values = numbers(f"{signal} in {name}", values)
         if signal != "time" and values.shape != (len(t), 3):
             raise RunError(
-                f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components a sample"
+                f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components per sample"
             )
         bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
         if bad.any():
@@ -344,6 +344,6 @@ def refuse_excess(signal: str, values: np.ndarray, name: str) -> None:
     size[~np.isfinite(size)] = 0  # another refusal's
     if len(size) and size.max() > LARGEST:
         at = f"{size.max():.1e} at sample {int(np.argmax(size))}"
-        raise RunError(f"{signal} in {name} is {at}: no sensor reads so much, remove such samples first")
+        raise RunError(f"{signal} in {name} is {at}: no sensor reads so much; remove such samples first")
     if len(size) and 0 < size.max() < SMALLEST:
         raise RunError(f"{signal} in {name} is at most {size.max():.1e}: correct its unit or scale")

@@ -42,7 +42,7 @@ def calibrate(
     Least squares in the readings' lengths, from the linear solution of their squares.
 
     Args:
-        readings: in m/s², shape (n, 3), one a pose.
+        readings: in m/s², shape (n, 3), one per pose.
         gravity: local gravity [m/s²].
         method: ``offset`` estimates offset and gain, ``scale`` the gain alone; None: the offset, if the poses allow.
 
@@ -56,7 +56,7 @@ def calibrate(
     determined = len(readings) >= FEWEST and spread[2] > LEAST_SPREAD * lengths.mean() * np.sqrt(len(readings))
     if method == "offset" and not determined:
         raise RunError(
-            "the poses do not determine the accelerometer's offset: give six or more that turn all ways, "
+            "the poses do not determine the accelerometer's offset: give six or more in all orientations, "
             'or write accelerometer = "scale"'
         )
     if method == "scale" or not determined:

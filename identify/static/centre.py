@@ -85,8 +85,8 @@ def centre(
     solution = fit(signals, attitudes, counted, memory=memory)
     if solution.values[0] <= 0:
         raise RunError(
-            f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench is that on the "
-            "other side, or the attitude is upside down; correct recording.wrench or the attitude's declaration"
+            f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench has the "
+            "opposite sign, or the attitude is upside down; correct recording.wrench or the attitude's declaration"
         )
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
@@ -130,7 +130,7 @@ def _off(outlier: Outlier, labels: Sequence[str]) -> str:
     return (
         f"{labels[outlier.pose]} contradicts the others: its {AXES[outlier.axis]} is off by "
         f"{significant(outlier.size, 2)} {unit}, {outlier.ratio:.0f} of their standard deviations. The intervals are "
-        f"the wider for it; measure it again, or leave it out with --without {number}"
+        f"wider because of it; measure it again, or leave it out with --without {number}"
     )
 
 
@@ -176,7 +176,7 @@ def _warned(result: Centre, judged: Sequence[str], f: np.ndarray) -> Centre:
     if min(ratio, _unevenness(f)) > UNEVEN:
         worst = ", ".join(fixed(x, 2) for x in axes[2])
         warnings.append(
-            f"the poses tell the centre of gravity {ratio:.1f} times worse along ({worst}), to "
+            f"the poses determine the centre of gravity {ratio:.1f} times worse along ({worst}), to "
             f"{significant(1e3 * along[2], 2)} mm, than across: tilt further, or about more axes"
         )
     if result.gain is not None and not result.gain.within:
@@ -203,7 +203,7 @@ def _largest_tilt(f: np.ndarray) -> float:
 def _check_signals(signals: PoseSignals, name: str) -> None:
     for what, values in zip(("force", "moment", "specific force"), signals, strict=True):
         if values.ndim != 2 or values.shape != (len(signals[0]), 3):
-            shape = f"({len(signals[0])}, 3), three components a pose"
+            shape = f"({len(signals[0])}, 3), three components per pose"
             raise RunError(f"{what} of {name} has shape {values.shape}: give {shape}")
         if not np.isfinite(values).all():
             bad = int(np.argmax(~np.isfinite(values).all(axis=1)))
@@ -217,8 +217,8 @@ def _check_poses(f: np.ndarray, name: str) -> None:
     spread = np.linalg.svd(f - f.mean(axis=0), compute_uv=False) / (np.linalg.norm(f, axis=1).mean() * np.sqrt(len(f)))
     if spread[1] < LEAST_TILT:
         raise RunError(
-            f"the poses of {name} are too much alike to tell the centre of gravity from the offsets (gravity turns by "
-            f"{np.degrees(spread[1]):.2g}° in its second direction): tilt the body about two axes"
+            f"the poses of {name} are too much alike to separate the centre of gravity from the offsets (gravity "
+            f"turns by {np.degrees(spread[1]):.2g}° in its second direction): tilt the body about two axes"
         )
 
 

@@ -232,7 +232,8 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
     asymmetric = np.abs(covariance - covariance.T) > 1e-9 * np.sqrt(np.outer(variances, variances).clip(0))
     if asymmetric.any() or variances.min() < 0 or least_eigenvalue(covariance) < -1e-9:
         raise RunError(
-            f"covariance of {content.name} is none, not symmetric or not positive: run `inertia centre` again"
+            f"covariance of {content.name} is missing, not symmetric or not positive definite: run `inertia centre` "
+            "again"
         )
     if mass <= 0:
         raise RunError(f"mass of {content.name} is {mass:g} kg: give one above zero")

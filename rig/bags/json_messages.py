@@ -99,7 +99,7 @@ def _at(tree: Any, path: str) -> Any:
 def _numbers(value: Any, item: Field) -> Iterator[float]:
     numbers = [value.get(axis) for axis in AXES[: item.count]] if isinstance(value, Mapping) else value
     if not isinstance(numbers, list) or (item.kind == "doubles" and len(numbers) != item.count):
-        raise ValueError(f"its field {item.path} has not {item.count} numbers")
+        raise ValueError(f"its field {item.path} does not have {item.count} numbers")
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, (int, float)):
             raise ValueError(f"its field {item.path} holds {quoted(number)}, which is no number")

@@ -69,7 +69,7 @@ class Packer:
 
 def _check_length(size: int) -> None:
     if size > LONGEST:
-        raise ValueError(f"a message of {size} bytes, where a sample has some hundred")
+        raise ValueError(f"a message of {size} bytes, where a sample has about a hundred")
 
 
 def pieces(data: bytes, offsets: list[int], budget: UnpackBudget) -> Iterator[tuple[bytes, list[int]]]:

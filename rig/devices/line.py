@@ -1,4 +1,4 @@
-"""Any device that prints numbers, a line a sample, described in the rig file; also what a platform sends over UDP.
+"""Any device that prints numbers, a line per sample, described in the rig file; also what a platform sends over UDP.
 
 ``columns = ["time us", "force_x N", "_", ...]`` names each column and its unit; ``_`` passes a column over. With the
 six names of a wrench or an IMU the device measures that; any other names are recorded as named values. ``time`` and
@@ -173,7 +173,7 @@ def _column(text: object) -> tuple[str, float]:
 
 
 class LineEmulator(Emulator):
-    """Prints a line a sample from the moment it is opened."""
+    """Prints a line per sample from the moment it is opened."""
 
     STREAMS = True
     device: Line

@@ -119,7 +119,7 @@ class Robotous(Device):
     def _warnings(self, filter_code: bytes, rate_code: int, wanted: int) -> tuple[str, ...]:
         warnings = []
         if filter_code[0]:
-            warnings.append(f"filter code {filter_code[1]} is on: the vendor's papers disagree on what it means")
+            warnings.append(f"filter code {filter_code[1]} is on: the vendor's documents disagree on what it means")
         if rate_code != wanted:
             warnings.append(f"rate code {rate_code} read back, {wanted} was set: the baud rate may be too low")
         return tuple(warnings)

@@ -207,7 +207,7 @@ class UrRtde(Device):
         name = str(self.options["wrench_variable"])
         for key, expected in zip(("wrench_frame", "compensated"), BY_THE_GUIDE[name], strict=True):
             if self.options[key] not in ("", expected):
-                yield f"{key} of {name} is '{expected}' by the maker's documents, '{self.options[key]}' in the rig file"
+                yield f"{key} of {name} is '{expected}' in the maker's documents, '{self.options[key]}' in the rig file"
 
     def _take_recipe(self, answer: bytes) -> None:
         types = answer[1:].decode("ascii", "replace").split(",")

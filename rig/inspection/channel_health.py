@@ -127,7 +127,7 @@ def _excess(name: str, values: NDArray[np.float64]) -> Suspicions:
     size = np.abs(values).max(axis=1)
     wild = np.isfinite(size) & (size > LARGEST_READING)
     if wild.any():
-        reached = f"{size[wild].max():.1e}, which no sensor reads, in {int(wild.sum())} samples"
+        reached = f"{size[wild].max():.1e}, which no sensor can read, in {int(wild.sum())} samples"
         yield "excess", f"{name} reaches {reached}: leave them out"
 
 

@@ -91,7 +91,7 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
     held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}
     if contents.rest:
-        text = f"{contents.rest} bytes behind its end, which are not read: copy the file again"
+        text = f"{contents.rest} bytes after its end, which are not read: copy the file again"
         report.findings.append(TopicFinding("rest", report.file, text))
     report.findings += [
         TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")

@@ -205,7 +205,7 @@ def walk(data: bytes) -> Batch:
             if opcode != MESSAGE_OPCODE:
                 _definition(batch, opcode, data[position + 9 : position + 9 + length])
             elif length < MESSAGE_HEAD:
-                raise ValueError("a message is shorter than its head")
+                raise ValueError("a message is shorter than its header")
             else:
                 offsets[channel].append(position)
             position += 9 + length

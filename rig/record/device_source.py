@@ -144,7 +144,7 @@ class DeviceSource:
             self._jumped = 0
             return self.clock.stamp(device, arrived)
         if not self.clock_jumps:
-            self.troubles.append(f"{self.entry.name}: its clock jumps, such samples are stamped by their arrival")
+            self.troubles.append(f"{self.entry.name}: its clock jumps: these samples are stamped on arrival")
         self.clock_jumps += 1
         self._jumped += 1
         if self._jumped == JUMPED:
@@ -162,7 +162,9 @@ class DeviceSource:
         stamp = self._stamp(self._counter.time(counter), arrived)
         if self.clock_jumps == jumped and not self._counter.watch(arrived, stamp):
             self._stamped_by = "arrival"
-            self.troubles.append(f"{self.entry.name}: its counter runs at no steady rate: stamped by arrival from here")
+            self.troubles.append(
+                f"{self.entry.name}: its counter has no steady rate: samples are stamped on arrival from here on"
+            )
         return stamp
 
     @property
@@ -210,5 +212,5 @@ class DeviceSource:
 TROUBLES = {
     "unplugged": "port {port} lost, waiting for it to come back: check the cable",
     "silent": "no more samples from {port}: check its power and cable",
-    "babbling": "bytes without sense from {port}: check the cable, the baud rate and that only one device is on it",
+    "babbling": "invalid data from {port}: check the cable, the baud rate and that only one device is on it",
 }

@@ -76,7 +76,7 @@ class Reader(threading.Thread):
         if isinstance(error, PortLostError):
             return RigError(f"port lost {port} ({error}): check the cable and the power of {name}")
         if error.heard:
-            return RigError(f"no sense in the {error.heard} bytes of {name} on {port}: {self.entry.wrong_device}")
+            return RigError(f"no valid data in the {error.heard} bytes of {name} on {port}: {self.entry.wrong_device}")
         return RigError(f"no answer from {name} on {port}: check its power and cable, and that it is a '{kind}'")
 
     def _listen(self, port: Port) -> None:

@@ -295,7 +295,7 @@ class Recorder:
                     getattr(entry.device, "names", ()), self._signals[entry.name], self._signals[entry.delay_to]
                 )
                 if delay is None:
-                    self._say_all([f"{entry.name}: its delay to {entry.delay_to} cannot be told from this run"])
+                    self._say_all([f"{entry.name}: its delay to {entry.delay_to} cannot be determined from this run"])
                 else:
                     self.summary.delays[entry.name] = {
                         "delay_s": round(delay.seconds, 6),

@@ -215,7 +215,7 @@ def _check_line(table: DeviceTable, device: Device) -> None:
         raise RigError(f"{where}.baudrate is for serial lines, and '{table.kind}' is on the network: remove it")
     if network and device.rate < 1:
         raise RigError(
-            f"{where}.options.rate: 1 Hz or more, as a silence of 2 s says that '{table.kind}' has restarted"
+            f"{where}.options.rate: 1 Hz or more, since 2 s of silence mean that '{table.kind}' has restarted"
         )
     if not network and on_network(table.port) and (table.port.startswith("udp") or not urlsplit(table.port).port):
         raise RigError(f"{where}.port: '{table.kind}' is on a serial line; a serial server is tcp://ADDRESS:NUMBER")

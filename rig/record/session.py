@@ -68,7 +68,11 @@ class Emulators:
     def _answer(self) -> dict:
         assert self.process.stdout is not None  # noqa: S101
         line = self.process.stdout.readline()
-        answer = json.loads(line) if line.endswith(b"\n") else {"error": "the emulators have died: start again"}
+        answer = (
+            json.loads(line)
+            if line.endswith(b"\n")
+            else {"error": "the emulators have ended unexpectedly: start again"}
+        )
         if "error" in answer:
             raise RigError(answer["error"])
         return answer
@@ -190,7 +194,7 @@ class Session:
         now = time.monotonic_ns()
         self.sources = [DeviceSource(reader.entry, reader, now=now) for reader in self._readers]
         self._wait(
-            self._without_sample, FIRST_SAMPLE, "no sense in the bytes of {0.name} on {0.port}: {0.wrong_device}"
+            self._without_sample, FIRST_SAMPLE, "no valid data in the bytes of {0.name} on {0.port}: {0.wrong_device}"
         )
 
     def _wait(self, missing: Callable[[], list[DeviceEntry]], seconds: float, complaint: str) -> None:
@@ -199,7 +203,7 @@ class Session:
         while entries := missing():
             self.raise_failures()
             if self._cancelled.is_set():
-                raise RigError("stopped before every device had answered: nothing was recorded, start again")
+                raise RigError("stopped before all devices had answered: nothing was recorded, start again")
             if time.monotonic() > deadline:
                 raise RigError(complaint.format(entries[0]))
             time.sleep(0.002)

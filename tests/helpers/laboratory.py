@@ -38,7 +38,7 @@ ZERO6 = (0.0,) * 6
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What is there, and every trouble, none unless it is given; three numbers an axis, six for force and moment."""
+    """What is there, and every trouble, none unless it is given; three numbers per axis, six for force and moment."""
 
     still: bool = False
     """Whether the base keeps the centre of gravity where it is."""
@@ -74,7 +74,7 @@ class Setup:
     """The same of its three angles [rad/s²]."""
     vibration_frequency: float = 47.3
     flex_frequency: float | tuple = 0.0
-    """Of the body turning on its mounting about Q, one or one an axis [Hz]; 0: rigid."""
+    """Of the body turning on its mounting about Q, one or one per axis [Hz]; 0: rigid."""
     flex_damping: float = 0.03
     """Of critical."""
     ringing: float = 0.0

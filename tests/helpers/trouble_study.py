@@ -123,8 +123,8 @@ def said(result, truth) -> dict:
 
 SYMPTOMS = {
     "the mass comes to": "mass", "the centre of gravity on": "centre of gravity", "the zero of the gyro": "gyro bias",
-    "the delay": "delay", "contradicts cg_motion": "still missed", "the rotation vector": "rotation", "IMU and load cell are turned": "rotation",
-    "the distance of the centre": "still missed", "the zero of the": "drift", "the stamps": "jitter", "gaps in": "drops",
+    "the delay": "delay", "contradicts cg_motion": "still missed", "the rotation vector": "rotation",
+    "IMU and load cell are rotated": "rotation", "the distance of the centre": "still missed", "the zero of the": "drift", "the stamps": "jitter", "gaps in": "drops",
 }  # fmt: skip
 """What warnings beside the diagnosis are about."""
 

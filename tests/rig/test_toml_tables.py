@@ -66,7 +66,7 @@ def test_values():
         ({"size": 10**400}, "f.size is 1.*: write a finite number"),
         ({"size": math.inf}, "f.size is inf: write a finite number"),
         ({"size": [1, math.nan, 2]}, r"f.size\[1\] is nan: write a finite number"),
-        ({"size": [1, 2]}, r"f.size is \[1, 2\]: write three values, one an axis"),
+        ({"size": [1, 2]}, r"f.size is \[1, 2\]: write three values, one per axis"),
         ({"title": 3}, "f.title is 3: write a string"),
         ({"sign": "both"}, "f.sign is 'both': choose one of plus, minus"),
         ({"share": "most"}, "f.share is 'most': write half"),

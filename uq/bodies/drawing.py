@@ -189,7 +189,7 @@ def drawing(
     if shared and mass_key is None:
         raise ExperimentError("missing key mass: the body's, or mass, density or material of each part")
     if mass_key is not None and not shared:
-        raise ExperimentError("mass is not needed: every part has a mass of its own; remove the one or the others")
+        raise ExperimentError("mass is not needed: every part has a mass of its own; remove one or the other")
 
     def model(values: Values) -> Any:
         solids = [part.solid(values) for part in parts]

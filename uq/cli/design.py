@@ -38,7 +38,7 @@ def configure(parser: CommandParser) -> None:
     parser.value("--seed", "N", "seed of the starts (0)", type=whole_number)
     parser.value(
         "--target", "'1 g*m^2'", action="append",
-        text="an average 3σ whose duration is wanted, of moments and of products; repeatable (half of the design's)",
+        text="find the duration for this average 3σ of moments and of products; repeatable (half of the design's)",
     )  # fmt: skip
     parser.value("--poses", "N", f"static poses to plan, 0 for none ({POSES})", type=whole_number)
     parser.value("--rehearsal", "PART", "export the motion at this part of its speed, too, such as 0.5", type=float)

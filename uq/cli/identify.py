@@ -39,8 +39,8 @@ def configure(parser: CommandParser) -> None:
     parser.add_argument(
         "--method",
         choices=methods.names(),
-        help="source: least squares of the moment; gls: the same, rows weighed by what their residuals say, where that "
-        "can be trusted; joint: tensor, mass, centre, offsets, delay and rotation together (recording.method)",
+        help="source: least squares of the moment; gls: the same, weighted by the residuals' covariance where that can "
+        "be trusted; joint: tensor, mass, centre, offsets, delay and rotation together (recording.method)",
     )
     parser.switch(
         "--validate",
@@ -49,8 +49,10 @@ def configure(parser: CommandParser) -> None:
     add_window_options(parser)
     parser.value("--expected", "BODY.toml", "a reference body, from its drawing or a CAD report")
     formats = ", ".join(export_formats.names())
-    parser.value("--export", "FORMATS", f"files for others, with commas: {formats}")
-    parser.switch("--force", "export what is no body's or what the runs contradict, with a warning")
+    parser.value("--export", "FORMATS", f"export formats, separated by commas: {formats}")
+    parser.switch(
+        "--force", "export even a tensor that is physically impossible or that the runs contradict, with a warning"
+    )
     parser.value("--out", "DIR", "folder for result.json, report.html and the figures")
 
 

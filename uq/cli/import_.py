@@ -11,7 +11,7 @@ from uq.terminal.command_parser import CommandParser
 
 def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.value("tables", "TABLE", "a table as text, one row a sample; or two, joined by their times", nargs="+")
+    parser.value("tables", "TABLE", "a table as text, one row per sample; or two, joined by their times", nargs="+")
     parser.value("--map", "MAP.toml", "the columns: units, signs, frames; without it one is proposed, to be checked")
     parser.add_argument(
         "-o", "--output", metavar="RUN.mcap", required=True, help="the file to write; it must not exist"

@@ -33,7 +33,9 @@ def configure(parser: CommandParser) -> None:
     parser.value("--estimator", "NAME", "an estimator; repeatable (all)", action="append")
     sampling = parser.add_mutually_exclusive_group()
     add_campaign_options(parser, sampling)
-    sampling.add_argument("--quasi-random", action="store_true", help="quasi-random trials: fewer of them know as much")
+    sampling.add_argument(
+        "--quasi-random", action="store_true", help="quasi-random trials: the same precision from fewer trials"
+    )
     sampling.add_argument("--collapsed", action="store_true", help=argparse.SUPPRESS)
     parser.switch("--adaptive", "run until mean, uncertainty and 95 %% interval are stable")
     parser.add_argument(
@@ -43,7 +45,7 @@ def configure(parser: CommandParser) -> None:
     parser.value("--tolerance", "'0.05 g*m^2'", "with --adaptive: the tolerance instead of digits")
     parser.value(
         "--budget", "PAIRS", nargs="?", type=whole_number, const=1000,
-        text="shares of every source and group in the variance, from this many pairs of trials (1000)",
+        text="shares of each source and group in the variance, from this many pairs of trials (1000)",
     )  # fmt: skip
     add_without_option(parser)
     add_cluster_options(parser)

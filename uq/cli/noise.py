@@ -32,5 +32,5 @@ def run(arguments: argparse.Namespace) -> int:
     if output is not None:
         output.write_text(toml_text(result.sources()).lstrip(), "utf-8")
         print()
-        print(on_one_line(f'{output} is written; an experiment takes it by include = ["{output.name}"]'))
+        print(on_one_line(f'{output} is written; use it in an experiment: include = ["{output.name}"]'))
     return 0

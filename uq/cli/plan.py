@@ -19,7 +19,7 @@ def configure(parser: CommandParser) -> None:
     parser.value("experiment", "EXPERIMENT.toml", "an experiment file, or the preset barreto2016")
     parser.value(
         "--target", "'0.5 g*m^2'", action="append",
-        text="an average 3σ whose duration is wanted; repeatable (half of the present one)",
+        text="find the duration for this average 3σ; repeatable (half of the present one)",
     )  # fmt: skip
     parser.value(
         "--goal", "GOAL", action="append",

@@ -79,7 +79,7 @@ def _target(arguments: argparse.Namespace) -> float | None:
     if arguments.until is None:
         return None
     if arguments.identify is None:
-        raise RigError("--until needs --identify E.toml, which tells the uncertainty")
+        raise RigError("--until needs --identify E.toml, which determines the uncertainty")
     from uq.terminal.options import positive_quantity
 
     return positive_quantity("--until", arguments.until, "kg*m^2")

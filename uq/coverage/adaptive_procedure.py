@@ -163,8 +163,8 @@ def _joint_figures(draws: Draws, probability: float) -> tuple[float, float]:
 def not_stable(stability: Stability, trials: int) -> str:
     """Return the sentence for a run that ended at its limit."""
     if not math.isfinite(stability.ratio):
-        return f"not stable after {trials:,} trials: two blocks or more that do not fail are needed to tell."
+        return f"not stable after {trials:,} trials: two or more blocks without failure are needed to judge."
     return (
-        f"the limit of {trials:,} trials came before the asked tolerance: {stability.ratio:.3g} times it is reached; "
-        f"about {stability.trials_needed(trials):,} trials would be needed."
+        f"the limit of {trials:,} trials was reached: the result is stable to {stability.ratio:.3g} times the "
+        f"tolerance; about {stability.trials_needed(trials):,} trials would be needed."
     )

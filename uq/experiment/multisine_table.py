@@ -27,7 +27,7 @@ def read_multisine(where: str, path: Path, *, duration: np.ndarray, ramp: np.nda
         ExperimentError: the file is missing, is no such table, or its stages do not follow one another.
     """
     if not path.is_file():
-        raise ExperimentError(f"no file {path} at {where}: give its path from the experiment's folder")
+        raise ExperimentError(f"no file {path} at {where}: give its path relative to the experiment's folder")
     lines = path.read_text("utf-8", errors="replace").split()
     columns = tuple(lines[0].split(",")) if lines else ()
     if columns not in (COLUMNS, (START, *COLUMNS)):
@@ -55,7 +55,7 @@ def _check_stages(place: str, start: np.ndarray, duration: float, ramp: float) -
     if start[0] != 0:
         raise ExperimentError(f"{place}: {START} begins with {start[0]:g}: the first stage starts at 0")
     if (np.diff(start) < 0).any():
-        raise ExperimentError(f"{place}: {START} decreases: write the stages in their order")
+        raise ExperimentError(f"{place}: {START} decreases: write the stages in order of time")
     starts = np.unique(start)
     lasts = np.diff([*starts, duration])
     if lasts.min() < 2 * ramp * (1 - 1e-12):

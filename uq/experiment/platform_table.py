@@ -83,7 +83,7 @@ def _points(path: str, raw: Any, *, shifted: bool = False) -> np.ndarray:
         ring = read_table(path, raw, Ring).points
         return np.roll(ring, 1, axis=0) if shifted else ring
     if not isinstance(raw, list) or len(raw) != 6:
-        raise ValueError(f"is {quoted(raw)}: write six points, one a leg, or a circle of three pairs")
+        raise ValueError(f"is {quoted(raw)}: write six points, one per leg, or a circle of three pairs")
     return np.array(read_value(path, raw, tuple[Axes[Metre], ...]))
 
 
@@ -131,7 +131,7 @@ class GeometryTable(TomlTable, frozen=True, kw_only=True):
     reference: str = ""
     """Publication or document from which the figures come."""
     base: Annotated[np.ndarray, written(_points, POINTS)]
-    """Joints on the base: six points, one a leg, or three pairs on a circle."""
+    """Joints on the base: six points, one per leg, or three pairs on a circle."""
     joints: Annotated[np.ndarray, written(partial(_points, shifted=True), POINTS)]
     """Joints on the platform, from its centre."""
     home: Annotated[np.ndarray, vector("m")]
@@ -212,12 +212,12 @@ class PlatformTable(ArmKeys, frozen=True, kw_only=True):
         if self.kind == "arm":
             for key in ("geometry", "r_cg_from_omb"):
                 if getattr(self, key) is not None:
-                    raise WrongKeyError(key, "remove it", "is of a platform on six legs, and an arm has none")
+                    raise WrongKeyError(key, "remove it", "is for a platform on six legs, not for an arm")
             stated = {} if self.limits is None else self.limits.to_dict()
             free = LimitsTable().to_dict()
             for key in OF_LEGS:
                 if key in stated and stated[key] != free[key]:
-                    raise WrongKeyError("limits", "state those of joints in [[platform.joint]]", f"has {key} of legs")
+                    raise WrongKeyError("limits", "state limits of joints in [[platform.joint]]", f"has {key} of legs")
 
     @property
     def local_gravity(self) -> float:

@@ -87,11 +87,11 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
         named = self.columns.names
         attitudes = [key for key in ATTITUDES if key in named]
         if len(attitudes) > 1:
-            raise WrongKeyError("", f"tells the attitude by {' and '.join(attitudes)}: name one of them")
+            raise WrongKeyError("", f"describes the attitude by {' and '.join(attitudes)}: name one of them")
         if named and not {"force", "moment"} <= set(named):
             raise WrongKeyError("", "names no columns of force and moment: add both")
         if named and not attitudes:
-            raise WrongKeyError("", f"tells no attitude: name the columns of one of {', '.join(ATTITUDES)}")
+            raise WrongKeyError("", f"describes no attitude: name the columns of one of {', '.join(ATTITUDES)}")
         if self.attitude in ROTATIONS and self.takes is None:
             raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
         if self.attitude in ANGLES and self.angle_unit is None:
@@ -198,5 +198,5 @@ def need_table(poses: Poses | None, path: str | Path) -> Poses:
         ExperimentError: they are not.
     """
     if poses is None or not poses.columns.names:
-        raise ExperimentError(f"nothing declares the columns of {Path(path).name}: name them in [poses]")
+        raise ExperimentError(f"no [poses] table declares the columns of {Path(path).name}: name them in [poses]")
     return poses

@@ -154,7 +154,7 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     sigma_delay: SigmaOfTime | None = None
     """Standard uncertainty of ``delay`` [s]; 0: ``delay`` is exact."""
     sigma_rotation: SigmaOfAngle | Axes[SigmaOfAngle] | None = None
-    """Standard uncertainty of the rotation from the IMU's axes to the body's [rad], one value or one an axis."""
+    """Standard uncertainty of the rotation from the IMU's axes to the body's [rad], one value or one per axis."""
     sigma_gyro_bias: SigmaOfRate | Axes[SigmaOfRate] | None = None
     """Standard uncertainty of the gyro's zero [rad/s]."""
     sigma_tilt: SigmaOfAngle | None = None

@@ -23,7 +23,7 @@ from uq.files.units import quantity
 T = TypeVar("T")
 Table = TypeVar("Table", bound=TomlTable)
 Axes = tuple[T, T, T]
-"""Three values, one an axis."""
+"""Three values, one per axis."""
 Component = Literal["I11", "I12", "I13", "I22", "I23", "I33"]
 """A component of a tensor."""
 QUANTITY = r"^\s*[+-]?(\d|\.\d)[\d.eE+-]* +\S.*$"
@@ -68,7 +68,7 @@ def vector_schema(unit: str) -> dict[str, Any]:
 
 
 def vector(unit: str) -> msgspec.Meta:
-    """Return the annotation of an array of three values in ``unit``, one an axis."""
+    """Return the annotation of an array of three values in ``unit``, one per axis."""
     items = Axes[Annotated[float, in_unit(unit)]]
 
     def read(path: str, raw: Any) -> np.ndarray:

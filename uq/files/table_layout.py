@@ -130,7 +130,7 @@ def layout(path: str | Path, delimiter: str | None = None, decimal: str | None =
 
     best = max(((d, m) for d in delimiter or DELIMITERS for m in decimal or DECIMALS if d != m), key=fit)
     if not fit(best)[0]:
-        raise RunError(f"no rows of numbers in {path.name}: give a table as text (CSV), one row a sample")
+        raise RunError(f"no rows of numbers in {path.name}: give a table as text (CSV), one row per sample")
     cells, alike = (_cells(part, best[0]) for part in (lines, typical))
     width = Counter(map(len, alike)).most_common(1)[0][0]
     names, units, first = _head(cells, [row for row in alike if len(row) == width], best[1])

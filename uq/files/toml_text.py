@@ -18,7 +18,7 @@ def toml_text(content: Mapping[str, Any]) -> str:
     """
     text = "\n".join(_table(content, ())) + "\n"
     if tomllib.loads(text) != dict(content):
-        raise ValueError("the content does not come back from TOML as it was")
+        raise ValueError("the content does not survive a round trip through TOML")
     return text
 
 

@@ -45,10 +45,10 @@ from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
-NO_SECOND = "mass and centre of gravity are without undeclared errors in all intervals: run `inertia centre` again"
-FREE_CENTRE = "no centre of gravity is declared: the motion tells it, from 0.3 m about Q on"
+NO_SECOND = "no interval of mass and centre of gravity includes undeclared errors: run `inertia centre` again"
+FREE_CENTRE = "no centre of gravity is declared: it is estimated from the motion, within about 0.3 m of Q"
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
-CONSEQUENCE = " (it may be a consequence of what is suspicious above: cure that first)"
+CONSEQUENCE = " (possibly a consequence of the suspicions above: resolve those first)"
 
 LONGEST = 180
 """Most characters of an error together with what is suspicious of the runs."""
@@ -70,7 +70,7 @@ def identify_files(
     """Identify the tensor from recorded runs of one body; with its fixture, which ``tare_files`` takes off.
 
     Args:
-        paths: files or rosbag2 folders, one a run; or a single one.
+        paths: files or rosbag2 folders, one per run; or a single one.
         experiment: r_CG with its uncertainty, estimators, what the channels mean.
         estimator: name of the estimator; None for the recording's, or the first.
         offsets: where constant offsets come from; None: as the experiment says.
@@ -275,13 +275,13 @@ def mounting_names(text: str) -> tuple[str, ...]:
 
 
 def check_count(mountings: Sequence[str] | None, runs: int) -> None:
-    """Refuse names of mountings that are not one a run.
+    """Refuse names of mountings that are not one per run.
 
     Raises:
         RunError: there are more or fewer.
     """
     if mountings is not None and len(mountings) != runs:
-        raise RunError(f"--mounting names {len(mountings)} mountings for {runs} runs: give one name a run")
+        raise RunError(f"--mounting names {len(mountings)} mountings for {runs} runs: give one name per run")
 
 
 def labelled(runs: Sequence[Run], mountings: Sequence[str] | None) -> list[Run]:
@@ -289,10 +289,10 @@ def labelled(runs: Sequence[Run], mountings: Sequence[str] | None) -> list[Run]:
 
     Args:
         runs: the runs, which may name their own.
-        mountings: one name a run; None: the runs' own.
+        mountings: one name per run; None: the runs' own.
 
     Raises:
-        RunError: not one name a run, or some runs name their mounting and others do not.
+        RunError: not one name per run, or some runs name their mounting and others do not.
     """
     if mountings is not None:
         check_count(mountings, len(runs))

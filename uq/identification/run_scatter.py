@@ -96,7 +96,7 @@ def scatter_verdict(
     σ holds only what is drawn anew in each repeat: no calibration that the repeats share.
 
     Args:
-        measured: standard deviation s of the repeats, a value a component.
+        measured: standard deviation s of the repeats, a value per component.
         predicted: standard deviation σ that the stated noise predicts for one repeat, in the same unit.
         repeats: how many there are, k.
         level: chance that a true prediction is called false, over all components together (Bonferroni).

@@ -53,7 +53,7 @@ SLOW = 1.0
 """Highest frequency of interest where poses are turned to angular velocity [Hz]: only rest is looked for."""
 
 
-ALIGNED = "the axes that tell the attitude are aligned with the load cell's"
+ALIGNED = "the axes of the attitude are the load cell's"
 """Assumption where no uncertainty of the attitude sensor's axes is declared."""
 
 
@@ -85,7 +85,7 @@ def centre_file(
     """Estimate mass, centre of gravity and the load cell's offsets from static poses.
 
     Args:
-        path: a table (.csv, .tsv, .txt), whose columns ``[poses]`` names, with one row a pose, or a row a sample at
+        path: a table (.csv, .tsv, .txt), whose columns ``[poses]`` names, with one row per pose, or a row per sample at
             ``poses.rate``; or a recorded run with an accelerometer or with the platform's pose. Of samples each still
             segment is a pose.
         experiment: what columns or channels mean (``[recording]``, ``[poses]``) and local gravity (``[platform]``).
@@ -101,8 +101,8 @@ def centre_file(
     name = Path(path).name
     if experiment.recording.removes_weight:
         raise RunError(
-            f"recording.compensated is {experiment.recording.compensated}, and the weight that {name} lacks is what "
-            "tells mass and centre: record without the compensation"
+            f"recording.compensated is {experiment.recording.compensated}, and mass and centre follow from the "
+            f"weight, which {name} lacks: record without compensation"
         )
     if experiment.recording.zero_frame == "base":
         raise RunError(
@@ -207,7 +207,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         raise RunError(f"{name} is a table, which has no times: leave --from and --to out")
     if sampled(readings):
         raise RunError(
-            f"the attitude moves on from row to row of {name}: its rows are samples of a motion, no poses. Write how "
+            f"the attitude changes from row to row of {name}: its rows are samples of a motion, not poses. Write how "
             'many there are a second in [poses], such as rate = "125 Hz": then each still segment is a pose'
         )
     findings: tuple[str, ...] = ()
@@ -326,7 +326,7 @@ def _steady(run: Run, rests: list[np.ndarray]) -> tuple[np.ndarray, list[str]]:
     ]
     if all_drift:
         warnings.append(
-            "force or moment drift in most poses: let the load cell warm up, or hold the poses for less long"
+            "force or moment drift in most poses: let the load cell warm up, or hold each pose for a shorter time"
         )
     return ~drifting, warnings
 

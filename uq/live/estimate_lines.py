@@ -14,7 +14,7 @@ MOST_WARNINGS = 3
 
 
 def block_of(estimate: LiveEstimate, target: float | None, warnings: Sequence[str]) -> list[str]:
-    """Return the tensor with its standard uncertainty and interval, a line a component; target; warnings."""
+    """Return the tensor with its standard uncertainty and interval, a line per component; target; warnings."""
     lines = [f"{f'{estimate.seconds:.0f} s of motion, g·m²':<29}95 %"]
     if estimate.undetermined:
         lines = [_undetermined(estimate)]
@@ -79,7 +79,7 @@ def _reach(estimate: LiveEstimate, target: float) -> str:
     if forbids is not None:
         source, name, half_width = forbids
         return (
-            f"{wanted}: no time reaches it, the declared sources, {source} first, leave ± "
+            f"{wanted}: no duration reaches it: the declared sources, {source} above all, leave ± "
             f"{significant(GRAM_METRE * half_width, 2)} of {name}"
         )
     if estimate.half_width[worst] <= target:
@@ -97,4 +97,4 @@ def _share(estimate: LiveEstimate, k: int) -> str:
 
 def _undetermined(estimate: LiveEstimate) -> str:
     names = ", ".join(estimate.undetermined)
-    return f"{estimate.seconds:.0f} s of motion: it does not determine {names} yet"
+    return f"{estimate.seconds:.0f} s of motion: it does not yet determine {names}"

@@ -105,7 +105,7 @@ def _check_wrench(bag: channels.Recording, recording: RecordingTable, metadata: 
     if frame in AT_REST and recording.wrench_frame is None:
         raise RunError(
             f"the wrench of {metadata.name} is along the axes of {quoted(frame)}, which do not turn with the body: "
-            'set wrench_frame = "base" in [recording] where joints, poses or a quaternion tell its attitude, or record '
+            'set wrench_frame = "base" in [recording] where joints, poses or a quaternion give its attitude, or record '
             "it in the sensor's frame"
         )
     if metadata.compensated == "gravity" and not recording.removes_weight:

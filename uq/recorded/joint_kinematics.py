@@ -51,7 +51,7 @@ class Chain:
         """
         if declared.urdf is None or declared.urdf_frame is None:
             raise ExperimentError(
-                f"{topic} holds joint states: declare the robot by recording.urdf and recording.urdf_frame, "
+                f"{topic} has joint states: declare the robot by recording.urdf and recording.urdf_frame, "
                 "or name another recording.motion_topic"
             )
         model = urdf_model(declared.urdf, "recording.urdf", "joint states")

@@ -117,7 +117,7 @@ def of_channels(
     attitude = None if source.attitude is None else source.attitude.of_body(rig.imu_rotation)
     if attitude is None and recording.turns_back:
         raise RunError(
-            f"recording.wrench_frame is {recording.wrench_frame}, and nothing in {bag.path.name} tells the attitude "
+            f"recording.wrench_frame is {recording.wrench_frame}, and nothing in {bag.path.name} gives the attitude "
             "that turns its wrench back: record joint states, poses or a quaternion, or the wrench in the sensor's axes"
         )
     turning = attitude.at(times[0]) if attitude is not None and recording.turns_back else None

@@ -35,7 +35,7 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
         above: where the motion ends [Hz].
 
     Returns:
-        One value an axis, in the signal's unit; None where too few frequencies are left.
+        One value per axis, in the signal's unit; None where too few frequencies are left.
     """
     size = max(len(signal) // SEGMENTS, 8)
     frequency, density = welch(signal, rate, size, window="blackmanharris", straight=True)
@@ -77,5 +77,5 @@ def _line(run: Run, target: str, axis: int, shown: np.ndarray, declared: np.ndar
     unit = SIGNAL_UNITS[target].replace("*", "·")
     return (
         f"{run.name}: {target} has noise of {significant(shown[axis], 2)} {unit} a sample on b{axis + 1}, "
-        f"its sources declare {significant(declared[axis], 2)} {unit}: check the figure, or what shakes the rig"
+        f"its sources declare {significant(declared[axis], 2)} {unit}: check the figure, or what vibrates the rig"
     )

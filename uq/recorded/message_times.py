@@ -26,7 +26,7 @@ def in_order(recording: Recording, choice: str | None) -> tuple[Recording, tuple
         return recording, ()
     before, after = (recording.wrench, recording.motion), (wrench, motion)
     moved = [new.topic for old, new in zip(before, after, strict=True) if old is not new]
-    done = f"messages of {' and '.join(moved)} overtook each other: they stand in the order of their stamps"
+    done = f"messages of {' and '.join(moved)} overtook each other: they are sorted by their stamps"
     return replace(recording, wrench=wrench, motion=motion), (done,) * bool(moved)
 
 
@@ -53,14 +53,14 @@ def instants(
         times = channel.stamp if by_header else channel.log_time
         if len(times) > 1 and times.min() == times.max():
             which = "stamps" if by_header else "log times"
-            raise RunError(f"all {which} of {channel.topic} are the same: record it with a clock that runs")
+            raise RunError(f"all {which} of {channel.topic} are the same: record it with a running clock")
     if by_header:
         return (channels[0].stamp, channels[1].stamp), ()
     notes = []
     if choice is None:
         notes = [f"no stamps in the headers of {' and '.join(unset)}"] * bool(unset)
         notes += [f"the headers' stamps of {' and '.join(wild)} do not increase"] * bool(wild)
-        notes = [f"{' and '.join(notes)}: took the log's times for both sensors"]
+        notes = [f"{' and '.join(notes)}: the log's times are used for both sensors"]
     fitted = [_fitted(channel) for channel in channels]
     return (fitted[0][0], fitted[1][0]), (*notes, *(text for _, texts in fitted for text in texts))
 
@@ -109,7 +109,7 @@ def _fitted(channel: Channel) -> tuple[np.ndarray, tuple[str, ...]]:
     times = device + np.round(line.offset + line.skew * (device - line.origin)).astype(np.int64)
     spread = 1e-6 * float((arrival - times).std())
     if spread > LATE * 1e3:
-        return arrival, (f"the log's times of {channel.topic} follow no steady rate: took them as they are",)
+        return arrival, (f"the log's times of {channel.topic} have no steady rate: they are used as they are",)
     means = "the device's stamps" if stamped else "a steady rate"
     return times, (f"the log's times of {channel.topic} jitter by {spread:.2g} ms: fitted {means} to them",)
 

@@ -73,7 +73,7 @@ class _Outline:
                 depth += 1
             if depth > DEEPEST:
                 raise ExperimentError(
-                    f"over {DEEPEST} links one behind the other in {self.name}, or in a circle: leave {DEEPEST} at most"
+                    f"over {DEEPEST} links in a chain in {self.name}, or in a circle: leave {DEEPEST} at most"
                 )
 
 
@@ -89,7 +89,7 @@ def urdf_text(urdf: str, key: str) -> str:
     """
     path = Path(urdf)
     if not path.exists():
-        raise ExperimentError(f"no file {urdf} at {key}: give its path from the experiment's folder")
+        raise ExperimentError(f"no file {urdf} at {key}: give its path relative to the experiment's folder")
     require_file(path)
     if path.stat().st_size > LARGEST:
         raise ExperimentError(f"{urdf} at {key} has over {LARGEST >> 20} MiB: give a robot's description")
@@ -128,12 +128,12 @@ def urdf_robot(urdf: str, key: str, fixed: Mapping[str, Written] = NONE_FIXED) -
             raise ExperimentError(f"platform.joint: {Path(urdf).name} has no joint {quoted(name)}")
         if (joints[name].get("type") == "prismatic") != (position.unit == "m"):
             raise ExperimentError(
-                f"platform.joint: fixed of {quoted(name)} is in {position.unit}: mm for a joint that slides, else deg"
+                f"platform.joint: fixed of {quoted(name)} is in {position.unit}: mm for a prismatic joint, else deg"
             )
         try:
             _fix(joints[name], position.value)
         except ValueError:
-            raise ExperimentError(f"no direction or place in joint {quoted(name)} of {Path(urdf).name}") from None
+            raise ExperimentError(f"no direction or position in joint {quoted(name)} of {Path(urdf).name}") from None
     return robot
 
 

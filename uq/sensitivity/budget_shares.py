@@ -166,7 +166,7 @@ class BudgetResult(ByTrajectory[SourceBudget], Result):
         }
 
     def csv(self) -> str:
-        """Return every figure as CSV: one a line, with its standard error and unit."""
+        """Return every figure as CSV: one per line, with its standard error and unit."""
         text, records = StringIO(), self.records()
         writer = csv.DictWriter(text, list(records[0]), lineterminator="\n")
         writer.writeheader()

@@ -1,6 +1,6 @@
 """Probability distributions as pytrees: moments of a quantity, and draws from a key.
 
-The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value an axis; a draw's shape
+The names and parameters are those of JCGM 101:2008, 6.4. Parameters may be arrays, one value per axis; a draw's shape
 ends with theirs. A value is a function of one or two coordinates of the unit cube that has the distribution where they
 are uniform: in a draw they come from a key, for quasi-random trials from Sobol's sequence. Draws depend on the key, the
 shape and the dtype alone.

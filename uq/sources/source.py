@@ -249,7 +249,7 @@ class ErrorKind:
         return [None] * math.prod(self.shape) if full_scale is None else np.atleast_1d(full_scale).tolist()
 
     def placed(self, figure: np.ndarray, full_scale: np.ndarray | None) -> np.ndarray:
-        """Return figures in SI, one an axis, in the shape of the draw."""
+        """Return figures in SI, one per axis, in the shape of the draw."""
         return np.asarray(figure.reshape(self.shape))
 
     def resized(self, source: Source, factor: float) -> Source:
@@ -367,7 +367,7 @@ def on_axes(figures: Any) -> str:
 def figures(
     unit: str, shape: tuple[int, ...], *, above: float | int = -math.inf, least: float | int = -math.inf
 ) -> Any:
-    """Return the annotation of figures in SI that are written in ``unit``: one an axis or one for all axes, or one.
+    """Return the annotation of figures in SI that are written in ``unit``: one per axis or one for all axes, or one.
 
     Args:
         unit: unit of the figures; relative ones are read in per cent.
@@ -393,7 +393,7 @@ def strictest(
     """Return which of several sources' figures counts on each axis: the least or the largest of those that act.
 
     Args:
-        stated: figures of each source, one an axis.
+        stated: figures of each source, one per axis.
         acting: whether each source acts: a truth value, often traced.
         choose: the least or the largest of two.
         without: what counts when no source acts.

@@ -203,7 +203,7 @@ def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Wid
         raise WrongKeyError("unit", "add it")
     rows, axes = _read_samples(table, folder), math.prod(kind.shape)
     if rows.shape[1] not in (1, axes):
-        raise WrongKeyError("samples", f"give 1, or {axes}, one an axis", f"has {rows.shape[1]} columns")
+        raise WrongKeyError("samples", f"give 1, or {axes}, one per axis", f"has {rows.shape[1]} columns")
     try:
         rows = rows * (scale(table.unit, kind.targets[target]) * part_of(kind.targets[target]))
     except UnitError as error:

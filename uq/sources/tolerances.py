@@ -42,7 +42,7 @@ def uncertain(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
 
 
 def uncertain_vector(unit: str, *, above: float | int = -math.inf) -> msgspec.Meta:
-    """Return the annotation of three quantities in ``unit``, one an axis, each as of :func:`uncertain`."""
+    """Return the annotation of three quantities in ``unit``, one per axis, each as of :func:`uncertain`."""
     component = Annotated[UncertainQuantity, uncertain(unit, above=above)]
 
     def read(path: str, raw: Any) -> tuple[UncertainQuantity, ...]:

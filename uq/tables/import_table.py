@@ -24,7 +24,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     """Write tables of samples as a run of ours: SI units, the wrench on the body at Q, body frame.
 
     Args:
-        paths: a table in a text file, one row a sample; or two that are joined by their times.
+        paths: a table in a text file, one row per sample; or two that are joined by their times.
         mapping: what their columns mean.
         output: the MCAP file to write.
 

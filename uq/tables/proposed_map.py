@@ -73,7 +73,7 @@ def propose(paths: Sequence[str | Path], output: Path) -> str:
         tables[1].leave(tables[0])
     columns: list[str] = []
     recording = [
-        _line("wrench", "on_body", "a guess: on_sensor, if it is the reaction; inertia inspect tells a wrong sign")
+        _line("wrench", "on_body", "a guess: on_sensor, if it is the reaction; inertia inspect detects a wrong sign")
     ]
     for name, table in zip(("columns", "second"), tables, strict=False):
         if not table.signals:
@@ -250,7 +250,7 @@ class _Guess:
         if written:
             return UNITS[signal], f"a guess: the table says {written}, which is no unit known here; correct it"
         if signal in WRENCH:
-            return UNITS[signal], "a guess: the table states none; inertia inspect tells a wrong one"
+            return UNITS[signal], "a guess: the table states none; inertia inspect detects a wrong one"
         values = self.table.numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
         if signal == "acceleration":

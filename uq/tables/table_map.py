@@ -55,7 +55,7 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
                 raise WrongKeyError(other, "add it")
         motions = [key for key in MOTIONS if getattr(self, key) is not None]
         if len(motions) > 1 and motions != ["angular_velocity", "quaternion"]:
-            raise WrongKeyError("", f"tells the motion by {' and '.join(motions)}: name one of them")
+            raise WrongKeyError("", f"describes the motion by {' and '.join(motions)}: name one of them")
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")
 

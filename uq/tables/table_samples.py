@@ -141,7 +141,7 @@ class DeclaredTable:
             mean = (len(off) - 1) / np.ptp(finite)
             raise RunError(
                 f"times in {self.path.name} depart by {np.ptp(off):.3g} s from {self.declared.rate:g} Hz: correct rate "
-                f"(the times tell some {mean:.6g} Hz), or the table, which may lack samples"
+                f"(the times suggest about {mean:.6g} Hz), or the table, which may lack samples"
             )
 
     def _times(self) -> tuple[int, np.ndarray]:

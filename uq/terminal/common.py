@@ -33,7 +33,7 @@ def start_jax(*, alone: bool = True) -> None:
     if flags := os.environ.get("XLA_FLAGS"):  # XLA ends a process that has a flag which it does not know
         tried = subprocess.run([sys.executable, "-c", "import jax; jax.devices('cpu')"], capture_output=True, text=True)
         if tried.returncode and "XLA_FLAGS" in tried.stderr:
-            raise ExperimentError(f"XLA knows no such flags as {quoted(flags)}: correct or unset XLA_FLAGS")
+            raise ExperimentError(f"XLA does not know the flags {quoted(flags)}: correct or unset XLA_FLAGS")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written is no user's concern
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):  # devices exist already, as in a notebook

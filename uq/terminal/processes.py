@@ -73,7 +73,7 @@ def _end(error: BaseException) -> None:
     if isinstance(error, cluster.FailedElsewhere):
         status = 2
     elif isinstance(error, KeyboardInterrupt):
-        line, status = "error: interrupted; the same command goes on from what is kept in --out", 130
+        line, status = "error: interrupted; run the same command again to continue from --out", 130
     elif isinstance(error, cluster.LostProcess):
         line, status = f"error: {error}", LOST
     elif isinstance(error, (*MISTAKES, OSError)):
@@ -100,4 +100,4 @@ def resumable(folder: Path | None, arguments: argparse.Namespace) -> Iterator[No
     except KeyboardInterrupt as error:
         if folder is None or arguments.distributed:
             raise
-        raise KeyboardInterrupt("the same command goes on from there") from error
+        raise KeyboardInterrupt("the same command continues from there") from error

@@ -16,7 +16,7 @@ LOST = 3
 """Exit status when another process of a campaign is gone."""
 ALONE = 2
 """Exit status when the other processes do not come at the start."""
-ALONE_LINE = "the other processes did not come in time: start all of them, or give them longer by --patience"
+ALONE_LINE = "the other processes did not join in time: start all of them, or allow more time with --patience"
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _have_met = -1
 """Descriptor to which the process that computes writes a byte once it has met the others."""

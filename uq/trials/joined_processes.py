@@ -26,7 +26,7 @@ PATIENCE = 60
 HEARTBEAT = 30
 """Seconds without a heartbeat after which a process counts as lost."""
 LONGEST_MESSAGE = 2000
-LOST_LINE = "another process of the campaign is gone: the same command goes on from what is kept in --out"
+LOST_LINE = "another process of the campaign has ended: run the same command again to continue from --out"
 
 
 class LostProcess(ExperimentError):  # noqa: N818
@@ -61,14 +61,14 @@ def join(
             multihost_utils.sync_global_devices("joined")
     except (ValueError, TypeError, RuntimeError) as error:
         if jax.distributed.is_initialized():
-            raise LostProcess(f"the {processes or 'other'} processes did not come together: start them again") from None
+            raise LostProcess(f"the {processes or 'other'} processes did not connect: start them again") from None
         if (coordinator is None and "must be defined" in str(error)) or "should be defined" in str(error):
             raise ExperimentError(
                 "no cluster is detected: give --coordinator HOST:PORT --processes N --process I"
             ) from None
         where = f" at {coordinator}" if coordinator else ""
         what = reason(str(error).partition("\n")[0])
-        raise ExperimentError(f"the processes do not meet{where} ({what}): check address and number") from None
+        raise ExperimentError(f"the processes cannot connect{where} ({what}): check address and number") from None
 
 
 def leave() -> None:

@@ -140,7 +140,7 @@ def test_the_pose_that_creeps_is_named_and_a_drift_in_all_is_said(generator):
         (lambda c: c | {"covariance": [[10**400] * 10] * 10}, "covariance of .* is missing or not finite"),
         (lambda c: c | {"parameters": c["parameters"][::-1]}, "other parameters or units"),
         (lambda c: c | {"covariance": [[1.0]]}, "covariance of centre.json is missing or not finite"),
-        (lambda c: c | {"covariance": np.diag([-1.0] * 10).tolist()}, "none, not symmetric or not positive"),
+        (lambda c: c | {"covariance": np.diag([-1.0] * 10).tolist()}, "missing, not symmetric or not positive"),
         (lambda c: c | {"mass": {"value": float("nan")}}, "mass.value of centre.json is missing or not finite"),
         (lambda c: c | {"mass": {"value": -1.0}}, "mass of centre.json is -1 kg"),
         (lambda c: c | {"cg": {"value": [1, 2]}}, "cg.value of centre.json is missing or not finite"),

@@ -69,7 +69,7 @@ def test_a_counter_at_no_steady_rate_is_no_clock(source, generator):
     of_stamps, of_arrivals = errors(source, np.arange(24_000), instants, generator)
     assert source.stamping == {"stamped_by": "arrival"}
     (text,) = source.troubles
-    assert "no steady rate: stamped by arrival" in text
+    assert "no steady rate: samples are stamped on arrival" in text
     late = instants > 20 * SECOND
     np.testing.assert_array_equal(of_stamps[late], of_arrivals[late])
 

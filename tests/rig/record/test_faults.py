@@ -77,7 +77,7 @@ def one_sensor_lost(command, words, state):
 FAULTS = {
     "unplug": ("port", "unplugged"),
     "silence": ("no more samples", "silent"),
-    "babble": ("bytes without sense", "babbling"),
+    "babble": ("invalid data", "babbling"),
 }
 
 

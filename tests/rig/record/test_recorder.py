@@ -117,10 +117,10 @@ def test_a_busy_port_and_a_wrong_kind_and_a_mute_device(tmp_path):
         assert "port busy" in refused(bench.rig, "-o", tmp_path / "second.mcap")
         recording.stop()
         rig.write_text(table.format(kind="vectornav", port=bench.ports["imu"], more=""))
-        assert "no sense in the" in refused(rig, "-o", tmp_path / "third.mcap")
+        assert "no valid data in the" in refused(rig, "-o", tmp_path / "third.mcap")
         more = "options = { configure = false }"
         rig.write_text(table.format(kind="vectornav", port=bench.ports["imu"], more=more))
-        assert "no sense in the bytes of imu" in refused(rig, "-o", tmp_path / "third.mcap")
+        assert "no valid data in the bytes of imu" in refused(rig, "-o", tmp_path / "third.mcap")
         bench.tell("silence imu")
         rig.write_text(table.format(kind="xsens", port=bench.ports["imu"], more=""))
         assert "no bytes from imu" in refused(rig, "-o", tmp_path / "third.mcap")
@@ -221,5 +221,5 @@ def test_stopping_while_a_device_is_awaited_records_nothing(tmp_path):
         time.sleep(0.2)
         status, _, messages = recording.stop()
     assert status == 2
-    assert messages.startswith("error: stopped before every device had answered")
+    assert messages.startswith("error: stopped before all devices had answered")
     assert not (tmp_path / "run.mcap").exists()

@@ -242,7 +242,7 @@ def test_an_admissible_fit_is_exported_with_a_warning():
     )
     assert "I33 is 2 g·m² high" in made.warnings[0]
     assert (
-        "warning: the data are weak and the exported tensor is a fit to bodies: no body has the plain"
+        "warning: the data are weak and the exported tensor is the nearest possible one: no body has the plain"
         in made.contents["body.kuka.dat"]
     )
     assert "warning" in repr(made)

@@ -86,7 +86,7 @@ def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path,
     with monkeypatch.context() as patch:
         patch.setattr(command, "TerminalBar", Interrupted)
         assert main([*run, "--out", str(out)]) == 130
-    assert capsys.readouterr().err == "error: interrupted; the same command goes on from there\n"
+    assert capsys.readouterr().err == "error: interrupted; the same command continues from there\n"
     assert main([*run, "--seed", "1", "--out", str(out)]) == 2
     assert "is of another campaign (other seed): give the same arguments" in capsys.readouterr().err
     assert main([*run, "--out", str(out)]) == 0

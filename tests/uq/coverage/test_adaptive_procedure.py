@@ -84,7 +84,7 @@ def test_the_limit_is_stated(points, trials):
     assert found.trials == trials
     assert not found.stability.stable
     (warning,) = found.warnings
-    assert f"the limit of {trials:,} trials came before the asked tolerance" in warning
+    assert f"the limit of {trials:,} trials was reached" in warning
     assert warning in repr(found)
 
 

@@ -90,7 +90,7 @@ def test_one_figure_of_a_setting_stands_for_all_axes(many):
         (lambda e: e.with_source("F_bias", sigm="1 N"), "unknown key source[F_bias].sigm: did you mean sigma? the keys "
          "here are correlation, datasheet, degrees_of_freedom, distribution and 12 more"),
         (lambda e: e.with_source("F_bias", sigma=1.0),
-         "source[F_bias].sigma is 1.0: write three values with their units, one an axis"),
+         "source[F_bias].sigma is 1.0: write three values with their units, one per axis"),
         (lambda e: e.with_body(mas="1 kg"), "unknown key body.mas: did you mean mass? the keys here are inertia, mass, "
          "r_cg_from_q"),
         (lambda e: e.with_trajectory("T9", duration="1 s"),

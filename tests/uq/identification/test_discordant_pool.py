@@ -47,7 +47,7 @@ def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(metho
     np.testing.assert_allclose(without.inertia, others.inertia, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(without.interval95, others.interval95, rtol=1e-9, atol=1e-12)
     (line,) = [text for text in result.warnings if "leaves the others" in text]
-    assert line.startswith(f"run2.mcap leaves the others: {departure.component} is ")
+    assert line.startswith(f"run2.mcap disagrees with the others: {departure.component} is ")
     assert others.discordance is None
     assert not [text for text in others.warnings if "leaves the others" in text]
     content = result.to_dict()["discordance"]
@@ -65,10 +65,10 @@ def test_terminal_result_and_report_hold_it(tmp_path, capsys):
     paths = [str(write(tmp_path / f"run{k}.mcap", measured)) for k, measured in enumerate(several)]
     (tmp_path / "e.toml").write_text(toml_text(document(several[0])))
     assert main(["identify", *paths, "--experiment", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 0
-    assert "warning: run1.mcap leaves the others: " in capsys.readouterr().out
+    assert "warning: run1.mcap disagrees with the others: " in capsys.readouterr().out
     content = json.loads((tmp_path / "out" / "result.json").read_text())["discordance"]
     assert (content["with"]["runs"], content["without"]["runs"]) == (4, 3)
-    assert "The pool with and without the runs that leave the others" in (tmp_path / "out" / "report.html").read_text()
+    assert "The pool with and without the runs that disagree" in (tmp_path / "out" / "report.html").read_text()
 
 
 def estimate(value, mounting=None, *, alone=True, name="run"):

@@ -192,7 +192,7 @@ def test_attitudes_that_are_none(tmp_path, generator, attitude, change, words):
         ('["Fx", "Fy", "Fz"]', '["Fx", "Fy"]', "poses.force is ['Fx', 'Fy']: write the names of 3 columns"),
         ('["Fx", "Fy", "Fz"]', "3", "poses.force is 3: write the names of 3 columns"),
         ('["Fx", "Fy", "Fz"]', '["Fx", "Fy", "Mx"]', "poses names column 'Mx' twice"),
-        ('gravity = ["g1", "g2", "g3"]', "", "poses tells no attitude"),
+        ('gravity = ["g1", "g2", "g3"]', "", "poses describes no attitude"),
         ('gravity = ["g1"', 'acceleration = ["a1", "a2", "a3"]\ngravity = ["g1"', "by gravity and acceleration"),
         ('gravity = ["g1", "g2", "g3"]', ATTITUDES["matrix"].split("\n")[1], "missing key poses.takes"),
         ('gravity = ["g1", "g2", "g3"]', 'quaternion = { w = "qw" }', "missing key poses.quaternion.x"),
@@ -224,7 +224,7 @@ def test_files_that_are_no_tables(tmp_path, capsys):
     )
     assert "none.csv" in refused(capsys, "centre", tmp_path / "none.csv", "--experiment", tmp_path / "e.toml")
     preset = refused(capsys, "centre", tmp_path / "p.csv", "--experiment", "barreto2016")
-    assert "nothing declares the columns of p.csv: name them in [poses]" in preset
+    assert "no [poses] table declares the columns of p.csv: name them in [poses]" in preset
 
 
 def test_an_experiment_without_a_centre_identifies_and_simulates_nothing(tmp_path, generator, capsys):
@@ -289,7 +289,7 @@ def test_a_table_of_samples_is_refused_and_with_its_rate_cut_into_its_still_segm
     (tmp_path / "e.toml").write_text(table)
     path = write(tmp_path / "log.csv", columns)
     text = refused(capsys, "centre", path, "--experiment", tmp_path / "e.toml")
-    assert "the attitude moves on from row to row of log.csv" in text
+    assert "the attitude changes from row to row of log.csv" in text
     assert 'rate = "125 Hz"' in text
     (tmp_path / "e.toml").write_text(table + 'rate = "125 Hz"\n')
     found = centre_file(path, Experiment.load(tmp_path / "e.toml"))
@@ -369,7 +369,7 @@ def test_runs_that_hold_no_poses(tmp_path, generator, capsys):
     path = recorded(tmp_path / "short.mcap", generator, seconds=0.5)
     assert "0 poses in short.mcap" in refused(capsys, "centre", path, *command)
     (tmp_path / "e.toml").write_text('[poses]\n[recording]\ncompensated = "gravity"\n')
-    assert "record without the compensation" in refused(capsys, "centre", path, *command)
+    assert "record without compensation" in refused(capsys, "centre", path, *command)
     (tmp_path / "e.toml").write_text('[poses]\n[recording]\nacceleration_unit = "g"\n')
     path = recorded(tmp_path / "units.mcap", generator)
     assert "the accelerometer reads 9.8" in refused(capsys, "centre", path, *command)

@@ -82,7 +82,7 @@ def test_names_of_mountings_are_checked(short):
     assert mounting_names(" A, B ,A") == ("A", "B", "A")
     with pytest.raises(RunError, match="--mounting is 'A,,B': give a name for each run"):
         mounting_names("A,,B")
-    with pytest.raises(RunError, match="--mounting names 2 mountings for 1 runs: give one name a run"):
+    with pytest.raises(RunError, match="--mounting names 2 mountings for 1 runs: give one name per run"):
         labelled([run], ("A", "B"))
     other = dataclasses.replace(run, mounting="A")
     with pytest.raises(RunError, match="simulated T1 does not name its mounting, others do: name one for every run"):

@@ -148,7 +148,7 @@ def test_bytes_behind_the_end_are_counted(tmp_path):
     runs.write(tmp_path / "run.mcap", wrench=wrench, imu=imu)
     with open(tmp_path / "run.mcap", "ab") as file:
         file.write(bytes(1234))
-    assert "1234 bytes behind its end" in str(inspect_run(tmp_path / "run.mcap"))
+    assert "1234 bytes after its end" in str(inspect_run(tmp_path / "run.mcap"))
 
 
 def test_a_clock_that_was_set_back_is_refused(tmp_path):

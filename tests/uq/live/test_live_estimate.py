@@ -220,7 +220,7 @@ def test_noise_falls_with_the_root_of_time_and_sources_stay():
     assert estimate.forbids(2.9e-3) == ("r_cg", "I11", 3e-3)
     assert estimate.seconds_to(2.9e-3) == np.inf
     assert "about 103 s more" in line_of(estimate, 4e-3)
-    assert "no time reaches it" in line_of(estimate, 2.9e-3)
+    assert "no duration reaches it" in line_of(estimate, 2.9e-3)
     assert "r_cg" in block_of(estimate, 2.9e-3, [])[-1]
     assert "reached" in line_of(estimate, 6e-3)
     assert "undeclared" not in line_of(estimate, 6e-3)
@@ -231,7 +231,7 @@ def test_what_the_motion_does_not_determine_has_no_figure():
     estimate = of(np.full(6, 5e-3), np.zeros(6), ("I33",))
     assert np.isinf(estimate.half_width).all()
     assert estimate.seconds_to(1.0) == np.inf
-    assert "does not determine I33" in line_of(estimate, None)
+    assert "does not yet determine I33" in line_of(estimate, None)
 
 
 def test_a_target_that_the_whole_recording_misses_is_named():

@@ -38,7 +38,7 @@ def test_stamps_without_overlap_are_refused_with_both_ranges_and_the_cure(tmp_pa
 def test_a_wrench_at_rest_without_an_attitude_is_refused(tmp_path, short):
     path = posed_runs.write(tmp_path / "run", posed_runs.wrench_at_rest(short), "imu", "mcap")
     experiment = posed_runs.experiment(tmp_path, "imu", wrench_frame="base")
-    with pytest.raises(RunError, match="nothing in run tells the attitude that turns its wrench back"):
+    with pytest.raises(RunError, match="nothing in run gives the attitude that turns its wrench back"):
         load_run(path, experiment.recording)
 
 

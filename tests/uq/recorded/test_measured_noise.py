@@ -35,4 +35,4 @@ def test_noise_far_from_what_is_declared_is_named(run, short, factor):
     )
     (said,) = noise_warnings(run, sources)
     assert said.startswith("simulated T1: M has noise of 0.")
-    assert "check the figure, or what shakes the rig" in said
+    assert "check the figure, or what vibrates the rig" in said

@@ -58,7 +58,7 @@ def recording(path, moves=()):
 def test_sources_that_an_experiment_includes(tmp_path, capsys):
     still, toml = recording(tmp_path / "still.mcap"), tmp_path / "sources.toml"
     assert main(["noise", str(still), "-o", str(toml), "--out", str(tmp_path / "out")]) == 0
-    assert 'takes it by include = ["sources.toml"]' in capsys.readouterr().out
+    assert 'use it in an experiment: include = ["sources.toml"]' in capsys.readouterr().out
     assert (tmp_path / "out" / "allan.png").exists()
     assert contradictions((tmp_path / "out" / "result.json").read_text()) == []
     text = EXPERIMENT.read_text().partition("[[source]]")[0]

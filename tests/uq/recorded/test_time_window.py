@@ -248,7 +248,7 @@ def test_stamps_that_do_not_increase_give_way_to_the_log():
     (first, second), said = instants((channel(stamp, log), channel(wild, log)), None)
     np.testing.assert_array_equal(first, log)
     np.testing.assert_array_equal(second, log)
-    assert said == ("the headers' stamps of /x do not increase: took the log's times for both sensors",)
+    assert said == ("the headers' stamps of /x do not increase: the log's times are used for both sensors",)
     assert instants((channel(stamp, log), channel(wild, log)), "header")[0][1] is not log
     assert instants((channel(stamp, log), channel(stamp, log)), "log")[0][0][0] == log[0]
     assert instants((channel(stamp, log), channel(stamp, log)), "log")[1] == ()
@@ -322,7 +322,7 @@ def test_a_clock_that_stands_still_is_refused(choice, which):
     """Neither the headers' times nor, in their place, the log's; where one of the two runs, it is taken."""
     runs, still, zero = 10 * np.arange(20), np.full(20, 7), np.zeros((20, 3))
     wrench, stopped = (WrenchChannel("/wrench", "cell", times, times, zero, zero) for times in (runs, still))
-    with pytest.raises(RunError, match=f"^all {which} of /wrench are the same: record it with a clock that runs$"):
+    with pytest.raises(RunError, match=f"^all {which} of /wrench are the same: record it with a running clock$"):
         instants((stopped, stopped), choice)
     halted = dataclasses.replace(wrench, **{"log_time" if choice == "header" else "stamp": still})
     np.testing.assert_array_equal(instants((halted, halted), choice)[0][0], runs)

@@ -34,7 +34,7 @@ ENTITIES = "".join(f'<!ENTITY e{k} "{f"&e{k - 1};" * 10}">' for k in range(1, 10
 BOMB = f'<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY e0 "x">{ENTITIES}]>{robot([], 1, "&e9;")}'
 FILE = '<!DOCTYPE robot [<!ENTITY file SYSTEM "file:///etc/passwd">]><robot name="&file;"/>'
 BAD = {
-    "chain of 500": (chain(500), f"over {DEEPEST} links one behind the other in arm.urdf at platform.urdf"),
+    "chain of 500": (chain(500), f"over {DEEPEST} links in a chain in arm.urdf at platform.urdf"),
     "chain of 5,000": (chain(5000), f"5000 links in arm.urdf at platform.urdf: leave {MOST_LINKS} at most"),
     "star of 5,000": (star(5000), "5000 links"),
     "circle": (robot([(0, 1), (1, 2), (2, 0)], 3), "or in a circle"),

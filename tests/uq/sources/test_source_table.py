@@ -170,7 +170,7 @@ def test_a_mistake_in_a_correlation(link, message):
         (b"1 2 3", "give 2 to 100,000 lines"),
         (b"1 2 3\n1 2 x", "write numbers, the same count in every line"),
         (b"1 2 3\n1 2", "write numbers, the same count in every line"),
-        (b"1 2\n1 2", "has 2 columns: give 1, or 3, one an axis"),
+        (b"1 2\n1 2", "has 2 columns: give 1, or 3, one per axis"),
         (b"1 2 3\n1 2 inf", "give 2 to 100,000 lines of finite numbers"),
         (b"", "give 2 to 100,000 lines of finite numbers"),
     ],

@@ -225,7 +225,7 @@ def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
     assert_the_same(run(experiment, **given), resumed)
     assert resumed.trials == 4000
     assert resumed.to_dict()["adaptive"]["blocks"] == 2
-    assert "the limit of 4,000 trials came before the asked tolerance" in resumed.findings()[0]
+    assert "the limit of 4,000 trials was reached" in resumed.findings()[0]
 
 
 CAMPAIGN = """

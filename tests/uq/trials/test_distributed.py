@@ -100,7 +100,7 @@ def test_a_lost_process_ends_the_campaign_which_goes_on(experiment, tmp_path, ki
     print(f"process {killed} of 2 killed: the other ends after {time.monotonic() - began:.1f} s with: {errors.strip()}")
     assert (status, output) == (3, "")
     assert errors.count("\n") == 1
-    assert "goes on from what is kept" in errors
+    assert "to continue from --out" in errors
     again = of_two(experiment, out, trials) if resumed == 2 else [start(command(experiment, out, trials))]
     ended = finished(*again)
     assert [status for status, *_ in ended] == [0] * resumed, ended
@@ -135,7 +135,9 @@ def test_options_that_do_not_fit_are_one_line(options, words, capsys):
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize(("met", "status", "words"), [("None", 2, "did not come in time"), ("say_met()", 3, "is gone")])
+@pytest.mark.parametrize(
+    ("met", "status", "words"), [("None", 2, "did not join in time"), ("say_met()", 3, "has ended")]
+)
 def test_an_abort_of_the_runtime_is_one_line_that_tells_when(met, status, words):
     code = f"""
 import os
@@ -158,7 +160,7 @@ def test_a_process_whose_partner_never_comes_ends_in_one_line(tmp_path):
     assert (status, printed) == (2, "")
     assert (
         said
-        == "error: the other processes did not come in time: start all of them, or give them longer by --patience\n"
+        == "error: the other processes did not join in time: start all of them, or allow more time with --patience\n"
     )
     assert not (tmp_path / "out").exists()
 

@@ -121,7 +121,7 @@ def _serial(model: Any, frame: int, urdf: str) -> list[int]:
         name, joint = quoted(model.names[number]), model.joints[number]
         if number not in numbers:
             raise ExperimentError(
-                f"joint {name} of {Path(urdf).name} does not move the tool: fix it where it stays, by a "
+                f"joint {name} of {Path(urdf).name} does not move the tool: fix it in place, by a "
                 f'[[platform.joint]] with name = {name} and fixed = "0 mm" or "0 deg"'
             )
         if joint.nv != 1 or "Helical" in joint.shortname() or "Mimic" in joint.shortname():

@@ -140,7 +140,7 @@ class Clearance:
             first, second = self._link(pair.first), self._link(pair.second)
             if second == FLOOR or abs(shapes[pair.first].parentJoint - shapes[pair.second].parentJoint) > 2:
                 raise ExperimentError(
-                    f"platform.home: {first} is nearer to {second} than platform.clearance: choose another home, or "
+                    f"platform.home: {first} is closer to {second} than platform.clearance: choose another home, or "
                     "smaller collision shapes"
                 )
             yield (pair.first, pair.second), result.min_distance

@@ -47,7 +47,7 @@ def largest_size(
         touch = next(limits.clearance.touches(np.asarray(motion_at(size).sampled(t[::2]).position)), None)
         if touch is None:
             return size, limits.peaks_of(motion_at(size), t)
-        worst = f"{touch.first} is too near to {touch.second} at {t[2 * touch.instant]:.3f} s"
+        worst = f"{touch.first} is too close to {touch.second} at {t[2 * touch.instant]:.3f} s"
         size *= SMALLER
     raise ExperimentError(f"no size of the motion meets its limits: {worst}")
 

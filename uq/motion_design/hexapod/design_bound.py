@@ -21,7 +21,7 @@ from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.propagation.prediction import Prediction
 
 RELAXED = (
-    "the legs' Jacobian is that of home, and products of omega tell nothing",
+    "the legs' Jacobian is that of home, and products of omega are ignored",
     "of all sources only the white noise of load cell force and moment counts, weighted as best it can be",
     "of all limits only stroke, speed, acceleration and bandwidth count, each leg's for itself",
     "ramps take no time",

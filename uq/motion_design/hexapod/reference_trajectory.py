@@ -45,7 +45,7 @@ class PredictedTrajectory:
         gain = differentiator(min(spec.trajectory.highest_frequency, bandwidth)).alpha_noise_gain(spec.rate)
         mean_error, covariance = predicted(experiment, spec, PREDICTED * bandwidth, gain)
         if not np.isfinite(covariance).all():
-            raise ExperimentError("the reference trajectory does not tell all six components: choose another")
+            raise ExperimentError("the reference trajectory does not determine all six components: choose another")
         return cls(spec, np.asarray(mean_error), np.asarray(covariance))
 
     @property

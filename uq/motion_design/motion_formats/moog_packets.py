@@ -57,7 +57,7 @@ FORMAT = MotionFormat(
         "byte_order": "big-endian",
         "units": {"rotation": "rad", "translation": "m"},
         "assumed": [
-            f"degrees-of-freedom mode, command word {NEW_POSITION} (new position), one packet a datagram",
+            f"degrees-of-freedom mode, command word {NEW_POSITION} (new position), one packet per datagram",
             "axes x forward, y right, z down: surge = x, lateral = -y, heave = -z, pitch and yaw with the other "
             "sign than in the table; R = Rz(yaw) Ry(pitch) Rx(roll) in these axes",
             "zero is home, and the motion base turns about OMB",

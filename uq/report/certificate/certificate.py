@@ -217,7 +217,7 @@ CONTRADICTED = "while the runs contradict what is declared"
 NO_INTERVAL = "no interval is certified"
 UNCERTAINTY = (
     "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
-    "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs tell the "
+    "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs determine the "
     "scatter."
 )
 BIAS = (

@@ -131,7 +131,7 @@ def scatter(result: Identification) -> list[Table]:
     pooling = result.pooling
     if pooling is None or pooling.runs < 2:
         return []
-    rows = [["foreseen by the residuals, one run", *_two_digits(pooling.predicted)]]
+    rows = [["predicted by the residuals, one run", *_two_digits(pooling.predicted)]]
     if pooling.between_runs is not None:
         rows.append(["between runs", *_two_digits(pooling.between_runs)])
     if pooling.between_mountings is not None:
@@ -162,8 +162,8 @@ def discordance(result: Identification) -> list[Table]:
     ]
     head = ["", "component", "difference from the others", "u"]
     return [
-        Table("Runs that leave the others, g·m²", head, rows, DISCORDANCE_NOTE),
-        Table("The pool with and without the runs that leave the others, g·m²", ["", *COMPONENTS], compared),
+        Table("Runs that disagree with the others, g·m²", head, rows, DISCORDANCE_NOTE),
+        Table("The pool with and without the runs that disagree, g·m²", ["", *COMPONENTS], compared),
     ]
 
 
@@ -191,8 +191,8 @@ def bodies(result: Identification) -> list[Table]:
         figures = [rounded(value, half), f"{rounded(low, half)} … {rounded(high, half)}"] if determined else ["–", "–"]
         rows.append([name, *figures, "yes" if determined else "no"])
     head = ["", "value", "95 % interval", "determined by the motion"]
-    note = f"The result is what bodies allow: {admissible.reason}."
-    return [Table("Plain estimate, before bodies alone were allowed, g·m²", head, rows, note)]
+    note = f"The result is constrained to possible tensors: {admissible.reason}."
+    return [Table("Plain estimate, before the constraint to possible tensors, g·m²", head, rows, note)]
 
 
 def _figures(aligned: Aligned, unit: float) -> Iterator[list[str]]:
@@ -260,10 +260,10 @@ CONFORMITY_NOTE = (
     "probability within: that the value lies within the limits, from a normal distribution of its u; –: undeclared "
     "errors are not known."
 )
-PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data say nothing."
+PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data add nothing."
 DISCORDANCE_NOTE = (
-    "The component that departs most. Runs that all belong are named with a chance of 1 %. With a fixture: all that "
-    "stood on the load cell."
+    "The component that differs most. A consistent set of runs is listed with a chance of 1 %. With a fixture: all "
+    "that stood on the load cell."
 )
 TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
 BUDGET_NOTE = (

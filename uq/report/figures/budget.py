@@ -56,7 +56,7 @@ def _stacks(axes: Axes, b: SourceBudget) -> None:
                 at = (place, below + value / 2)
                 axes.text(*at, f"{value:.0f}", ha="center", va="center", color=on(colour), fontsize=7)
         base = base + heights
-    axes.set(ylim=(0, 100), ylabel="Shapley share of the variance [%]", title="who causes the dispersion")
+    axes.set(ylim=(0, 100), ylabel="Shapley share of the variance [%]", title="sources of the dispersion")
     axes.set_xticks(x, COLUMNS)
     axes.tick_params(axis="x", bottom=False)
 

@@ -99,7 +99,7 @@ def _declared_otherwise(result: Comparison) -> list[str]:
 def summary(result: Comparison) -> str:
     """Return the joint verdict in one line; none where the runs contradict what is declared."""
     if result.result.contradicted:
-        return f"no verdict, E_n of these figures say nothing: {result.result.contradicted}"
+        return f"no verdict, E_n of these figures are meaningless: {result.result.contradicted}"
     statistic, freedom, probability = result.joint
     others = "".join(f"; E_n of {name} {fixed(e, 2)}" for name, e in result.other_errors.items())
     if not freedom:

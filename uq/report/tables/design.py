@@ -272,14 +272,14 @@ def _bound_in_words(report: DesignReport) -> list[str]:
     """Sentences on the least 3σ of any motion, or on the source that rules where the bound says little."""
     bounds = {goal: f"{_figure(least)} g·m²" for goal, least in report.bound.items() if least is not None}
     ruled = [f"{figure} ({goal})" for goal, figure in bounds.items() if report.noise_share(goal) >= RULES]
-    sentences = [f"No motion under these limits promises a 3σ of less than {' and '.join(ruled)}."] if ruled else []
+    sentences = [f"No motion under these limits can have a 3σ below {' and '.join(ruled)}."] if ruled else []
     for goal, figure in bounds.items():
         if report.noise_share(goal) < RULES:
             shares = report.source_shares(goal)
             name = max(shares, key=lambda source: shares[source])
             rules = f"{name.replace('_', ' ')} makes {100 * shares[name]:.0f} % of the variance"
             counts = f"The bound of the {goal}, {figure}, counts the load cell's noise alone"
-            sentences.append(f"{counts}, but {rules}: it says little.")
+            sentences.append(f"{counts}, but {rules}: it is not informative.")
     return sentences
 
 

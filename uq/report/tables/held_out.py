@@ -57,13 +57,13 @@ def _chance(probability: float) -> str:
 
 
 RATIO = "error / expected"
-ABOUT_CG = "Moments are about the centre of gravity: nothing tells the force. "
+ABOUT_CG = "Moments are about the centre of gravity: the force is not determined. "
 NOTE = (
     "Errors in the motion's band, each run's own offsets removed. By noise: as the residuals of the runs that predict "
     "have it. Probability: of such an error by chance, the least of the runs times their number. Runs of one body, as "
     "declared, are called badly predicted with a chance of 1 %. What all runs share, such as a wrong gain, is not seen."
 )
-BODY = "As another body: along what a change of mass, centre of gravity and tensor would do. 1 is to be expected."
+BODY = "As another body: along what a change of mass, centre of gravity and tensor would do. 1 is expected."
 CAPTION = (
     "Force and moment that the estimate has not seen: measured and predicted, the error below, over a short stretch. "
     "Grey: twice the expected root mean square. Right, the error's over the expected one; dashes: the largest of all "

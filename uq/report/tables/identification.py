@@ -245,7 +245,7 @@ def _undeclared(result: Identification) -> Iterator[str]:
     if result.undeclared is None:
         scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia) * result.determined))
         half = two_digits(GRAM_METRE * mass_and_centre.NORMAL * scale * float(np.abs(result.inertia[k])))
-        cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) tells all"
+        cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) adds them all"
         yield (
             f"undeclared errors are not in these intervals: the gyro's scale alone, at a typical {100 * scale:g} %, "
             f"adds ± {half} g·m² to {COMPONENTS[k]}{cure}"
@@ -319,7 +319,7 @@ def section(result: Identification) -> Section:
 
 
 RUNS = "Each component: each run alone, and all together."
-BUDGET = "Who causes how much of each component's variance: what the runs show (type A) and what is declared (type B)."
+BUDGET = "Contributions to each component's variance: what the runs show (type A) and what is declared (type B)."
 RESIDUALS = (
     "What the fit leaves of the moment about the centre of gravity: over time, and as amplitude density beside that of "
     "the moment itself."

@@ -68,7 +68,7 @@ def bound_tables(bound: Bound) -> list[Table]:
 
 
 def linear_law_tables(law: LinearLaw) -> list[Table]:
-    """Return estimate, standard uncertainty, interval and each input's contribution, a row a component."""
+    """Return estimate, standard uncertainty, interval and each input's contribution, a row per component."""
     columns, power = law.columns(), common_power(law.standard_uncertainty.ravel())
     rows = []
     for value, u, low, high, freedom, *parts in zip(*columns.values(), strict=True):
@@ -85,7 +85,7 @@ def propagation_title(result: Propagation) -> str:
 
 
 def propagation_tables(result: Propagation) -> list[Table]:
-    """Return estimate, standard uncertainty, both intervals and tolerance, a row a component."""
+    """Return estimate, standard uncertainty, both intervals and tolerance, a row per component."""
     percent = f"{100 * result.symmetric.probability:g} %"
     head = ["estimate", "u", f"{percent} from", "to", "shortest from", "to", "tolerance"]
     power, rows = common_power(result.standard_uncertainty.ravel()), []

@@ -7,6 +7,6 @@ from importlib.metadata import entry_points
 
 ENTRIES = entry_points(group="inertia_uq.sources")
 if not ENTRIES:  # a checkout that was installed when its kinds of error were no entry points yet
-    raise ImportError("inertia-uq has no kinds of error: install it anew (make env, pip install)")
+    raise ImportError("inertia-uq has no kinds of error: reinstall it (make env, pip install)")
 for entry in ENTRIES:
     entry.load()

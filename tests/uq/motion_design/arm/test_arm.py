@@ -108,7 +108,7 @@ def test_a_wrong_arm_is_one_line(experiment, keys, message):
 
 TABLE = [
     ({"kind": "legs"}, "platform.urdf describes an arm: write kind = \"arm\""),
-    ({"r_cg_from_omb": ["0 m", "0 m", "0 m"]}, "platform.r_cg_from_omb is of a platform on six legs"),
+    ({"r_cg_from_omb": ["0 m", "0 m", "0 m"]}, "platform.r_cg_from_omb is for a platform on six legs"),
     ({"limits": {"speed": "1 m/s"}}, "platform.limits has speed of legs"),
     ({"joint": [{"name": "a"}, {"name": "a"}]}, "platform.joint names 'a' twice"),
     ({"joint": [{"speed": "0 rad/s"}]}, r"platform.joint\[0\].speed is '0 rad/s': write a value above zero"),
@@ -142,9 +142,7 @@ def test_a_gripper_is_fixed_by_the_experiment(experiment, tmp_path, kind, at, pl
         '<origin xyz="0 0.1 0"/></joint></robot>'
     )
     (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format("", "0 0 2")))
-    with pytest.raises(
-        ExperimentError, match=r"joint 'grip' of arm.urdf does not move the tool: fix it where it stays"
-    ):
+    with pytest.raises(ExperimentError, match=r"joint 'grip' of arm.urdf does not move the tool: fix it in place"):
         Arm.of(Experiment.from_dict(experiment.document, tmp_path))
     joints = experiment.document["platform"]["joint"]
     document = changed(experiment.document, platform={"joint": [*joints, {"name": "grip", "fixed": at}]})
@@ -164,7 +162,7 @@ def test_a_gripper_is_fixed_by_the_experiment(experiment, tmp_path, kind, at, pl
         with pytest.raises(ExperimentError, match=message):
             Arm.of(Experiment.from_dict(changed(document, platform={"joint": [*joints, table]}), tmp_path))
     (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format("", "0 0 0")))
-    with pytest.raises(ExperimentError, match="no direction or place in joint 'grip'"):
+    with pytest.raises(ExperimentError, match="no direction or position in joint 'grip'"):
         Arm.of(Experiment.from_dict(document, tmp_path))
 
 
