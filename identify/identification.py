@@ -15,6 +15,7 @@ from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.results.covariances import checked
 from identify.results.identification_result import Identification, covering_bias
+from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
 from identify.static.centre_result import Centre
@@ -29,7 +30,6 @@ DENSEST = 22.6e3
 """Density of osmium [kg/m³]: a sphere of it has the least trace of all bodies of its mass."""
 WIDEST = 3.0
 """Radius of gyration [m] beyond which moments are in N·mm or forces in kN: no load cell carries such a body."""
-GRAVITY = 9.80665
 
 
 @explains_names
@@ -107,7 +107,7 @@ def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ..
     A recording's units are declared and judged by themselves.
     """
     weight = float(np.mean([np.linalg.norm(run.force, axis=1).mean() for run in runs]))
-    mass, trace = result.mass or weight / GRAVITY, float(result.inertia[[0, 3, 5]].sum())
+    mass, trace = result.mass or weight / STANDARD_GRAVITY, float(result.inertia[[0, 3, 5]].sum())
     if mass < LIGHTEST or any(run.sha256 for run in runs):
         return ()
     if trace < 1.2 * mass * (0.75 * mass / (np.pi * DENSEST)) ** (2 / 3):

@@ -68,9 +68,9 @@ def _with_power(number: float, places: int) -> str:
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
 
-def rounded(value: SupportsFloat, uncertainty: SupportsFloat, digits: int = 2) -> str:
-    """Return a figure to so many digits of its uncertainty; to four of its own where that is nought or not known."""
-    return fixed(value, decimals(uncertainty, digits)) if _uncertain(uncertainty, value) else significant(value, 4)
+def rounded(value: SupportsFloat, uncertainty: SupportsFloat) -> str:
+    """Return a figure to two digits of its uncertainty; to four of its own where that is nought or not known."""
+    return fixed(value, decimals(uncertainty)) if _uncertain(uncertainty, value) else significant(value, 4)
 
 
 def with_uncertainty(value: SupportsFloat, uncertainty: SupportsFloat, places: int | None = None) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from identify.estimators.generalised_least_squares import Weighed
-from identify.estimators.pooling import PROBABILITY, Pooled
+from identify.estimators.pooling import NORMAL, PROBABILITY, Pooled
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 
 CHANCE = 3e-3
@@ -125,14 +125,13 @@ def reaching(plain: Pooled, weighted: Pooled, every: Sequence[EstimateDifference
     for difference in every:
         needed = np.maximum(needed, np.abs(apart + difference.value) + difference.half_width)
     centre_variance = np.diag(plain.covariance - plain.together.covariance)
-    normal = scipy.special.ndtri(PROBABILITY)
     together = plain.together
-    noise_half_width = np.sqrt(np.maximum(needed**2 - normal**2 * centre_variance, together.half_width**2))
+    noise_half_width = np.sqrt(np.maximum(needed**2 - NORMAL**2 * centre_variance, together.half_width**2))
     student = scipy.special.stdtrit(together.residual_degrees_of_freedom, PROBABILITY)
     wider = noise_half_width / (student * np.sqrt(np.diag(together.from_residuals)))
     residual = together.from_residuals * np.outer(wider, wider)
     together = replace(together, from_residuals=residual)
     return plain._replace(
         covariance=together.covariance + plain.covariance - plain.together.covariance, residual=residual,
-        together=together, half_width=np.hypot(together.half_width, normal * np.sqrt(centre_variance)),
+        together=together, half_width=np.hypot(together.half_width, NORMAL * np.sqrt(centre_variance)),
     )  # fmt: skip

@@ -4,12 +4,12 @@ Each run's solution is expanded to second order, the unknowns of that run alone 
 the rest adds up.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from identify.joint.priors import indices
+from identify.joint.priors import ConstantError, indices
 from identify.joint.single_run import JointRun
 from identify.sums.row_products import SharedEquations, eliminated
 
@@ -34,11 +34,20 @@ class PooledJoint(NamedTuple):
     """Degrees of freedom of ``scatter``; infinite for a single run."""
     by_prior: np.ndarray
     """Derivative of the first run's unknowns by the prior mean of each shared unknown, (count, count)."""
-    beforehand: np.ndarray
-    """Covariance of the prior, (count, count); zero for what has none."""
 
 
-def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
+def shared_unknowns(errors: Mapping[str, ConstantError], *, calibrated: bool) -> set[str]:
+    """Return the names of the unknowns that all runs share.
+
+    Args:
+        errors: declared constant errors by the name of their source.
+        calibrated: whether one static calibration precedes all runs.
+    """
+    declared = {error.unknown for error in errors.values() if error.shared}
+    return {*ALIGNED, *(CALIBRATED if calibrated else ()), *declared, "cg_from_still"}
+
+
+def pool(runs: Sequence[JointRun], shared: Iterable[str]) -> PooledJoint:
     """Pool the runs' estimates.
 
     Args:
@@ -68,7 +77,7 @@ def pool(runs: Sequence[JointRun], shared: Sequence[str]) -> PooledJoint:
     by_prior = carried @ inverse @ precision @ np.linalg.pinv(root)[common]
     return PooledJoint(
         theta=theta, covariance=covariance, prior_covariance=prior_covariance, scatter=scatter,
-        degrees_of_freedom=freedom, by_prior=by_prior, beforehand=runs[0].prior.covariance,
+        degrees_of_freedom=freedom, by_prior=by_prior,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import Offsets
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
-from identify.joint.joint_pooling import ALIGNED, CALIBRATED, PooledJoint, pool
+from identify.joint.joint_pooling import PooledJoint, pool, shared_unknowns
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, indices
@@ -46,8 +46,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         setting: that they were estimated with.
         offsets: where they come from, for the result.
     """
-    shared_errors = {error.unknown for error in setting.errors.values() if error.shared} | {"cg_from_still"}
-    pooled = pool(joint_runs, (*ALIGNED, *(CALIBRATED if calibrated(setting.blocks) else ()), *sorted(shared_errors)))
+    prior = joint_runs[0].prior
+    pooled = pool(joint_runs, shared_unknowns(setting.errors, calibrated=calibrated(setting.blocks)))
     freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)
     factor = float(scipy.special.stdtrit(freedom, 0.975))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
@@ -57,7 +57,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
     warnings = contradicts_bodies(inertia, covariance[tensor, tensor])
-    declarations = departures(value, joint_runs[0].prior.mean, pooled.beforehand)
+    declarations = departures(value, prior.mean, prior.covariance)
     warnings += [declaration.text for declaration in declarations]
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     # nothing weighs the body where the force is as measured: what is left of its mass is then the prior
@@ -79,8 +79,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         cg_inertia_covariance=covariance[cg, tensor], cg_covariance=covariance[cg, cg], method="joint", delay=delay,
         rotation=rotation, offsets=offsets,
         mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]) if weighed else None,
-        budget=_budget(pooled, setting), centre_factor=factor, centre_from=ESTIMATED, lasting=_lasting(pooled, setting),
-        declarations=declarations,
+        budget=_budget(pooled, setting, prior.covariance), centre_factor=factor, centre_from=ESTIMATED,
+        lasting=_lasting(pooled, setting), declarations=declarations,
     )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ GROUPS = {
 """Unknowns of each prior that a budget names, beside the priors of declared errors."""
 
 
-def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
+def _budget(pooled: PooledJoint, setting: Setting, prior_covariance: np.ndarray) -> dict[str, np.ndarray]:
     """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
     tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
 
@@ -117,7 +117,7 @@ def _budget(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
     rows = {}
     for name, group in groups.items():
         if group:
-            before = pooled.beforehand[np.ix_(indices(group), indices(group))]
+            before = prior_covariance[np.ix_(indices(group), indices(group))]
             rows[name] = contribution(group, before - lasting @ lasting.T if name == "static poses" else before)
     rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in error_effects.items()}
     total = np.diag(pooled.covariance)[tensor]

@@ -287,7 +287,7 @@ class FollowedCause(NamedTuple):
         spread = size * np.sqrt(np.maximum(np.diag(self.evidence.covariance), 0.0))
         also = f"; as probable: {', '.join(self.rivals)}" if self.rivals else ""
         verb = "looks" if quantity == "the moment" else "look"
-        return f"{quantity} {verb} {finding.phrase(size * self.evidence.coefficients, spread)}{also}; {finding.cure}"
+        return f"{quantity} {verb} {finding.phrase(self.evidence.values, spread)}{also}; {finding.cure}"
 
 
 class Judgement(NamedTuple):

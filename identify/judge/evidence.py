@@ -100,9 +100,14 @@ class Evidence(NamedTuple):
     """Lines of the cause's signals, for coefficients in units of its typical size."""
 
     @property
+    def values(self) -> Float[np.ndarray, " p"]:
+        """Coefficients of the cause, in SI."""
+        return self.cause.size * self.coefficients
+
+    @property
     def added(self) -> Float[np.ndarray, "n 6"]:
         """Change of the measured wrench by the cause [N], [N·m]."""
-        return np.asarray(self.cause.columns @ (self.cause.size * self.coefficients))
+        return np.asarray(self.cause.columns @ self.values)
 
     @property
     def explained(self) -> Float[np.ndarray, "m rows"]:

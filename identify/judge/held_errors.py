@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.joint.joint_model import TEN
-from identify.joint.joint_pooling import ALIGNED, CALIBRATED
+from identify.joint.joint_pooling import shared_unknowns
 from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.prior_departure import FAR, declaration, departures
 from identify.joint.priors import STATIC, indices
@@ -56,7 +56,8 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
     ]
-    shift = pooled_change(fits, added, shared_unknowns(problem))[indices(TEN)]
+    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
+    shift = pooled_change(fits, added, shared)[indices(TEN)]
     sizes = [columns.shape[2] for columns in held[0].values()]
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
@@ -93,13 +94,6 @@ def flexing(run: PredictedWrench) -> Columns:
     )
     turned = [crossed(angle, run.wrench[:, rows]) for rows in (slice(0, 3), slice(3, 6))]
     return np.asarray(on_body + np.concatenate(turned, axis=1))
-
-
-def shared_unknowns(problem: Problem) -> set[str]:
-    """Return the names of the unknowns that all runs share, as the joint estimate pools them."""
-    calibrated = CALIBRATED if problem.centre is not None else ()
-    declared = {error.unknown for error in problem.errors.values() if error.shared}
-    return {*ALIGNED, *calibrated, *declared, "cg_from_still"}
 
 
 def pooled_change(
@@ -151,7 +145,7 @@ def exact_declaration(cause: Evidence, problem: Problem) -> Declaration:
     name = exact_quantities(problem)[cause.cause.finding]
     declared = problem.r_cg if name == "r_cg" else np.array([problem.mass])
     sigma = TYPICAL_CENTRE if name == "r_cg" else TYPICAL_MASS * float(declared[0])
-    change = cause.cause.size * cause.coefficients
+    change = cause.values
     worst = int(np.argmax(np.abs(change)))
     return declaration(name, worst, declared[worst] + change[worst], declared[worst], sigma, exact=True)
 
@@ -174,7 +168,8 @@ def departing_declarations(
         - sum(fit.transformed(cause.added[:, :, None]) for cause in causes)
         for fit, causes in zip(fits, exact_errors, strict=True)
     ]
-    theta = prior.mean + pooled_change(fits, rows, shared_unknowns(problem))[:, 0]
+    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
+    theta = prior.mean + pooled_change(fits, rows, shared)[:, 0]
     names = {"mass", "r_cg", *(error.unknown for error in problem.errors.values() if error.shared)}
     return departures(theta, prior.mean, prior.covariance, names)
 

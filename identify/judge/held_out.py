@@ -26,7 +26,7 @@ from identify.joint.priors import PriorBlock, Setting, error_blocks, root_of
 from identify.judge.judged_result import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.methods.base import Problem, estimator_of
-from identify.methods.joint import STILL_WITHIN, specific_force_source
+from identify.methods.joint import specific_force_source
 from identify.results.held_out_result import HeldOut, HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
@@ -67,7 +67,7 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
     force_from = _force_from(split, result)
     reduced = [_in_band(run, result, problem, halves) for run in runs]
     fits = [
-        fit_run(run, rows, declared_of(run, result, problem, force_from, _still_within(force_from)), start_of(result))
+        fit_run(run, rows, declared_of(run, result, problem, force_from), start_of(result))
         for run, rows in zip(runs, reduced, strict=True)
     ]
     predicted = []
@@ -109,10 +109,6 @@ def _force_from(problem: Problem, result: Identification) -> SpecificForce:
     if result.mass is None or any(falls(run, result, problem) for run in problem.runs):
         return "none"
     return source
-
-
-def _still_within(force_from: SpecificForce) -> float:
-    return STILL_WITHIN if force_from == "still" else 0.0
 
 
 def _estimate(problem: Problem, method: str, without: Run, halves: bool) -> Identification:
@@ -175,7 +171,7 @@ def _predicted(
 ) -> HeldOutRun:
     """The prediction of a run by the estimate of the others, beside what was measured."""
     followed = _followed(estimate, others, problem)
-    declared = _held(declared_of(run, estimate, problem, force_from, _still_within(force_from)), estimate, followed)
+    declared = _held(declared_of(run, estimate, problem, force_from), estimate, followed)
     fit = fit_run(run, rows, declared, {})
     fit = replace(fit, lines=replace(fit.lines, whitener=np.eye(len(fit.lines.whitener))))
     at = fit.prediction

@@ -3,7 +3,7 @@
 In free flight nothing tells the attitude, and no cause can be judged.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from identify.exceptions import RunError
 from identify.joint.joint_model import SpecificForce
 from identify.joint.priors import Alignment, PriorBlock, Setting, error_blocks
 from identify.judge import held_errors
-from identify.judge.causes import FollowedCause, followed, gyro_axes
+from identify.judge.causes import FollowedCause, Judgement, followed, gyro_axes
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
@@ -181,28 +181,18 @@ def _of_run(
     """Verdicts of one run, the sum of the shifts that they stand for, and errors of exact quantities without rival."""
     if not fits:
         return saturated(run), np.zeros(6), []
-    named: dict[Finding, FollowedCause] = {}
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU
     bases = [fit.base.absorbing(fit.transformed(gyro_axes(fit.prediction) @ axes)) for fit in fits]
     free = _undeclared(problem, result)
     judgements = [followed(fit, free, base) for fit, base in zip(fits, bases, strict=True)]
-    for judgement in judgements:
-        for cause in judgement.causes:
-            named.setdefault(cause.evidence.cause.finding, cause)
-    if result.method != "joint":
-        named = {finding: cause for finding, cause in named.items() if finding not in ACCELEROMETER_CAUSES}
+    named = _named_once(judgements, result)
     exact = held_errors.exact_quantities(problem)
     best = min(judgements, key=lambda judgement: judgement.unexplained)
     left_over = best.unexplained
     verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
     for finding, cause in named.items():
-        changes = cause.changes.copy()
-        if result.method != "joint":
-            changes = np.append(np.zeros(4), tensor_change(fits[:1], [1.0], [cause.evidence.added[:, :, None]]))
-        if finding in exact:  # which the result keeps
-            departure = cause.evidence.cause.size * cause.evidence.coefficients
-            changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact[finding]]] = departure
+        changes = _changes(cause, result, fits[0], exact.get(finding))
         shift = changes[4:]
         ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
         worst = int(np.argmax(ratio))
@@ -238,6 +228,26 @@ def _of_run(
     return verdicts + lines, total, alone
 
 
+def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, FollowedCause]:
+    """Causes that the judgements of a run name, each by the first that does, of those that can err in the result."""
+    others = ACCELEROMETER_CAUSES if result.method != "joint" else ()
+    named: dict[Finding, FollowedCause] = {}
+    for cause in (cause for judgement in judgements for cause in judgement.causes):
+        if cause.evidence.cause.finding not in others:
+            named.setdefault(cause.evidence.cause.finding, cause)
+    return named
+
+
+def _changes(cause: FollowedCause, result: Identification, fit: RunFit, exact: str | None) -> Float[np.ndarray, "10"]:
+    """Changes of the ten parameters of a result by a cause; ``exact``: the quantity that it keeps though this errs."""
+    changes = cause.changes.copy()
+    if result.method != "joint":
+        changes = np.append(np.zeros(4), tensor_change([fit], [1.0], [cause.evidence.added[:, :, None]]))
+    if exact is not None:
+        changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact]] = cause.evidence.values
+    return changes
+
+
 def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
     axis, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
@@ -250,15 +260,15 @@ def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
     if rows is None:
         return []
 
-    def fitted(force_from: SpecificForce, still_within: float) -> RunFit:
+    def fitted(force_from: SpecificForce, still_within: float = STILL_WITHIN) -> RunFit:
         return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
 
     by_moment = falls(run, result, problem)
     if problem.cg_motion == "still" and not by_moment:
-        return [fitted("still", STILL_WITHIN)]
+        return [fitted("still")]
     if run.specific_force is None or by_moment:
-        return [fitted("none", 0.0)]
-    read, about = fitted("accelerometer", 0.0), fitted("still", LOOSE)
+        return [fitted("none")]
+    read, about = fitted("accelerometer"), fitted("still", LOOSE)
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
     return [about, read] if turns else [read]
@@ -297,7 +307,11 @@ def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
 
 
 def declared_of(
-    run: Run, result: Identification, problem: Problem, force_from: SpecificForce, still_within: float
+    run: Run,
+    result: Identification,
+    problem: Problem,
+    force_from: SpecificForce,
+    still_within: float = STILL_WITHIN,
 ) -> Setting:
     """Return the priors of a run's unknowns.
 
@@ -306,7 +320,7 @@ def declared_of(
         result: of an estimator.
         problem: that it was given.
         force_from: source of the specific force.
-        still_within: standard uncertainty of a point at rest [m].
+        still_within: standard uncertainty of a point at rest, where the specific force is from there [m].
     """
     alignment, errors = problem.alignment or Alignment(), problem.errors
     if result.delay is None:
@@ -327,7 +341,7 @@ def declared_of(
         ("r_cg",): PriorBlock(problem.r_cg, cg_covariance),
         ("force_offset",): PriorBlock(np.zeros(3), np.eye(3)),
         ("moment_offset",): PriorBlock(np.zeros(3), np.eye(3)),
-        ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * np.eye(3)),
+        ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * (force_from == "still") * np.eye(3)),
     }
     if force_from == "none":  # the moment about r_CG tells neither the mass nor the force's offset
         flat = ["inertia", "moment_offset"]

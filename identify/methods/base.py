@@ -13,6 +13,7 @@ from identify.choices import CgMotion, OffsetChoice
 from identify.exceptions import RunError
 from identify.joint.priors import Alignment, ConstantError
 from identify.results.identification_result import Identification
+from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
@@ -41,7 +42,7 @@ class Problem:
     """Mass and centre of gravity from static poses, with their covariance; then ``r_cg`` and ``mass`` are its."""
     alignment: Alignment | None = None
     cg_motion: CgMotion | None = None
-    gravity: float = 9.80665
+    gravity: float = STANDARD_GRAVITY
     """Local gravity that is stated [m/s²]."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source, for an estimator that takes them along."""

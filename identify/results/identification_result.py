@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.admissible_tensor import Admissible
-from identify.estimators.pooling import Pooling
+from identify.estimators.pooling import NORMAL, Pooling
 from identify.reporting import Result, interval_records, plain
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
@@ -112,7 +112,7 @@ class Identification(Result):
     """Covariance of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
     mass_covariance: np.ndarray | None = None
     """Covariance between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
-    centre_factor: np.ndarray | float = mass_and_centre.NORMAL
+    centre_factor: np.ndarray | float = NORMAL
     """Coverage factor of 95 % of mass and centre of gravity: one, or (4,)."""
     centre_from: str = mass_and_centre.DECLARED
     """Origin of mass and centre of gravity: declared, static poses, or estimated with the tensor."""
@@ -187,7 +187,7 @@ class Identification(Result):
     def coverage_factors(self) -> np.ndarray:
         """Half of the intervals of 95 % of the ten parameters over their standard uncertainties."""
         half, u = np.ptp(self.interval95, axis=1) / 2, self.standard_uncertainty
-        tensor_factors = np.divide(half, u, out=np.full(6, mass_and_centre.NORMAL), where=u > 0)
+        tensor_factors = np.divide(half, u, out=np.full(6, NORMAL), where=u > 0)
         return np.concatenate([np.broadcast_to(self.centre_factor, 4), tensor_factors])
 
     @property
@@ -205,7 +205,7 @@ class Identification(Result):
             changes: of the ten parameters by one standard uncertainty of each independent error [kg, m, kg·m²].
         """
         half = self.coverage_factors * self.parameters.standard_uncertainty
-        wide_half = np.hypot(half, mass_and_centre.NORMAL * np.linalg.norm(changes, axis=1))
+        wide_half = np.hypot(half, NORMAL * np.linalg.norm(changes, axis=1))
         covariance = self.parameters.covariance + changes @ changes.T
         u = np.sqrt(np.diag(covariance))
         out = (wide_half - half)[4:, None] * [-1, 1]
@@ -218,7 +218,7 @@ class Identification(Result):
             sigma_r_cg=u[1:4],
             cg_covariance=covariance[1:4, 1:4],
             cg_inertia_covariance=covariance[1:4, 4:],
-            centre_factor=np.divide(wide_half[:4], u[:4], out=np.full(4, mass_and_centre.NORMAL), where=u[:4] > 0),
+            centre_factor=np.divide(wide_half[:4], u[:4], out=np.full(4, NORMAL), where=u[:4] > 0),
         )
 
     @property

@@ -10,8 +10,6 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 NAMES = ("mass, kg", *(f"centre of gravity from Q, b{axis}, mm" for axis in (1, 2, 3)))
 UNITS = (1.0, 1e3, 1e3, 1e3)
 """Factors from SI to the units of ``NAMES``."""
-NORMAL = 1.959963984540054
-"""Coverage factor of 95 % of a normal distribution."""
 DECLARED, POSES, ESTIMATED, LEFT = "declared", "static poses", "estimated with the tensor", "without the fixture"
 """Possible origins of mass and centre of gravity."""
 

@@ -2,6 +2,11 @@
 
 import math
 
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity [m/s²].
+
+Definition: CGPM 1901.
+"""
 EQUATOR = 9.7803253359
 """Normal gravity at the equator [m/s²]."""
 SOMIGLIANA = 0.00193185265241

@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.motion.leg_limits import Limits
 from identify.motion.stewart_platform import Rod, StewartPlatform
-from identify.rigid_body.gravity import normal_gravity
+from identify.rigid_body.gravity import STANDARD_GRAVITY, normal_gravity
 from identify.rigid_body.inertia import Body
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, read_table, read_value, written
@@ -22,8 +22,6 @@ from uq.files.schema import Axes, Component, declared_table, in_unit, interval, 
 Geometry = Literal["assumed-source-size", "linuxcnc-genhexkins", "simscape-demonstration"]
 GEOMETRIES: tuple[str, ...] = get_args(Geometry)
 """Platforms that are installed with the package."""
-STANDARD_GRAVITY = 9.80665
-"""Gravity where none is stated [m/s²]."""
 HIGHEST = 10_000.0
 """Height [m] beyond which no laboratory stands."""
 Metre = Annotated[float, in_unit("m")]

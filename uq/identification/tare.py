@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from identify.choices import OffsetChoice
+from identify.estimators.pooling import NORMAL
 from identify.exceptions import RunError
 from identify.results.covariances import checked, containing
 from identify.results.identification_result import Identification
-from identify.results.mass_and_centre import LEFT, NORMAL
+from identify.results.mass_and_centre import LEFT
 from identify.results.undeclared import Undeclared
 from identify.rigid_body.fixture import Tare, check, left_over, subtract
 from identify.rigid_body.inertial_parameters import InertialParameters

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
+from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import lowpass
 from identify.signals.resample import UNEQUAL, interval
@@ -20,7 +21,6 @@ from rig import channels
 from rig.bags.marks import Notes
 from rig.bags.topics import Contents
 from rig.channels import ImuChannel, WrenchChannel
-from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.load_run import of_channels
 

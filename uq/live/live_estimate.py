@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identify.estimators.gram import Sums, normal_equations
-from identify.estimators.pooling import Pooling
+from identify.estimators.pooling import NORMAL, Pooling
 from identify.estimators.run_information import Excitation, excitation
-from identify.results.mass_and_centre import NORMAL
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.sums.residual_spectrum import LEAST_GAIN

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.held_samples import repeats, saturated
 from identify.signals.power_spectrum import occupied_band
 from identify.signals.resample import UNEQUAL, interval
@@ -18,7 +19,6 @@ from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
-from uq.experiment.platform_table import STANDARD_GRAVITY
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import motion
 from uq.recorded.declared_channels import DeclaredConventions, declared

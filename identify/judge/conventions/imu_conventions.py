@@ -14,14 +14,10 @@ from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body import regressor
+from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
 from identify.signals.filters import moving_average
 
-STANDARD_GRAVITY = 9.80665
-"""Standard acceleration of gravity [m/s²].
-
-Definition: CGPM 1901.
-"""
 LEAST_TURN = 0.5
 """Turn of gravity by the gyro from which its unit is judged [rad].
 

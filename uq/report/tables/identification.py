@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from identify.estimators import offsets
+from identify.estimators.pooling import NORMAL
 from identify.judge.findings import PAGE
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
@@ -244,7 +245,7 @@ def _undeclared(result: Identification) -> Iterator[str]:
     """A line on the undeclared error that widens an interval most; where none is known, on the size of one of them."""
     if result.undeclared is None:
         scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia) * result.determined))
-        half = two_digits(GRAM_METRE * mass_and_centre.NORMAL * scale * float(np.abs(result.inertia[k])))
+        half = two_digits(GRAM_METRE * NORMAL * scale * float(np.abs(result.inertia[k])))
         cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) adds them all"
         yield (
             f"undeclared errors are not in these intervals: the gyro's scale alone, at a typical {100 * scale:g} %, "
