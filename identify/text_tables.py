@@ -118,7 +118,7 @@ def one_line(text: str) -> str:
     return text.replace("\n", "\\n")
 
 
-def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
+def html_table(head: Sequence[str], rows: Sequence[Sequence[str]], caption: str) -> str:
     """Return the table as HTML."""
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)

@@ -95,7 +95,7 @@ class WeightedFit(NamedTuple):
     inverse: np.ndarray
     """Inverse of the normal equations' matrix, the covariance of ``value``, (p, p)."""
     normal: np.ndarray
-    """Normal equations, with what is known beforehand, (p, p)."""
+    """Matrix of the normal equations, with the prior, (p, p)."""
     weights: np.ndarray
     """``S⁻¹`` of the lines that take part, (k, 3, 3)."""
     residuals: np.ndarray
@@ -227,7 +227,7 @@ def _equations_of(weighed: np.ndarray, x: np.ndarray, y: np.ndarray, lever: np.n
 def _reduced(columns: np.ndarray, fit: WeightedFit) -> np.ndarray:
     """Rows whose products with the values are the equations of the tensor alone, what follows it eliminated."""
     share = np.linalg.solve(fit.normal[6:, 6:], fit.normal[6:, :6])
-    return np.einsum("mab,mbp->map", fit.weights, columns[:, :, :6] - columns[:, :, 6:] @ share)
+    return fit.weights @ (columns[:, :, :6] - columns[:, :, 6:] @ share)
 
 
 class Eliminated(NamedTuple):
@@ -246,16 +246,14 @@ def _with_room(weighed: np.ndarray, columns: np.ndarray, more: np.ndarray, fit: 
 
     Directions of these columns that the other columns nearly span stay out.
     """
-    share = fit.inverse @ products(np.einsum("mab,mbp->map", fit.weights, columns), more)
-    reduced = more - columns @ share
-    weighed_reduced = np.einsum("mab,mbz->maz", fit.weights, reduced)
-    scale = 1 / np.sqrt(np.maximum(np.einsum("maz,mab,mbz->z", more, fit.weights, more, optimize=True), 1e-300))
-    information = products(weighed_reduced, more) * np.outer(scale, scale)
-    inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * np.outer(
-        scale, scale
-    )
+    reduced = more - columns @ (fit.inverse @ products(fit.weights @ columns, more))
+    weighed_reduced = fit.weights @ reduced
+    scale = 1 / np.sqrt(np.maximum((more * (fit.weights @ more)).sum(axis=(0, 1)), 1e-300))
+    scales = np.outer(scale, scale)
+    information = products(weighed_reduced, more) * scales
+    inverse = np.linalg.pinv((information + information.T) / 2, rcond=COLLINEAR, hermitian=True) * scales
     inside = len(more)
-    taken = np.einsum("maz,zy,may->ma", reduced, inverse, weighed_reduced, optimize=True)
+    taken = ((reduced @ inverse) * weighed_reduced).sum(axis=2)
     return Eliminated(
         rows=weighed - weighed_reduced @ inverse @ products(weighed, more).T,
         residuals=reduced @ inverse @ np.einsum("maz,ma->z", weighed_reduced, fit.residuals[:inside]),
@@ -275,33 +273,28 @@ def fitted(
         inside: how many lines, the first ones, take part.
         constants: how many lines, the first ones, are those of constants.
         gain: power gain of a filter that both have passed, at each line.
-        prior: inverse of the variance of each unknown about zero, known beforehand.
+        prior: inverse of the variance of each unknown about zero.
     """
-    before = np.diag(np.broadcast_to(prior, columns.shape[2]))
-    taking = columns[:inside]
-    weights = np.broadcast_to(np.eye(3), (inside, 3, 3))
+    taking, precision = columns[:inside], np.diag(np.broadcast_to(prior, columns.shape[2]))
+
+    def solved(weighed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Normal equations' matrix, its inverse, and the solution."""
+        normal = products(weighed, taking) + precision
+        inverse = np.linalg.pinv(normal, hermitian=True)
+        return normal, inverse, inverse @ products(weighed, values[:inside, :, None])[:, 0]
+
+    weights, free = np.broadcast_to(np.eye(3), (inside, 3, 3)), np.ones(values.shape)
     for _ in range(ROUNDS):
-        normal, right = _equations(taking, weights, values[:inside, :, None])
-        inverse = np.linalg.pinv(normal + before, hermitian=True)
-        value = inverse @ right[:, 0]
-        free = np.ones(values.shape)
-        taken = np.einsum("map,pq,mbq,mba->ma", taking, inverse, taking, weights, optimize=True)
-        free[:inside] = np.clip(1 - taken, 0, 1)
+        weighed = weights @ taking
+        _, inverse, value = solved(weighed)
+        free[:inside] = np.clip(1 - ((taking @ inverse) * weighed).sum(axis=2), 0, 1)
         residuals = values - columns @ value
         weights = np.linalg.inv(spectrum(residuals, free, constants, gain, wider=WIDER).at(slice(0, inside)))
-    normal, right = _equations(taking, weights, values[:inside, :, None])
-    normal = normal + before
-    inverse = np.linalg.pinv(normal, hermitian=True)
+    normal, inverse, value = solved(weights @ taking)
     return WeightedFit(
-        value=inverse @ right[:, 0], inverse=inverse, normal=normal, weights=weights, residuals=residuals,
+        value=value, inverse=inverse, normal=normal, weights=weights, residuals=residuals,
         spectrum=spectrum(residuals, free, constants, gain),
     )  # fmt: skip
-
-
-def _equations(columns: np.ndarray, weights: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``Σ Xᵀ W X`` and ``Σ Xᵀ W`` times the other sides."""
-    weighed = np.einsum("mab,mbp->map", weights, columns)
-    return products(weighed, columns), products(weighed, sides)
 
 
 def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:

@@ -13,6 +13,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.signals.power_spectrum import WINDOWS
+from identify.signals.segments import runs_of_true
 
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K of the spectrum, in the unit of the signal times s^½, 1 and s^-½."""
@@ -186,9 +187,8 @@ class _Spectrum:
 
     def lines(self) -> tuple[NoiseLine, ...]:
         """Spectral lines, the largest first."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.masked.astype(np.int8), [0]]))).reshape(-1, 2)
         lines = []
-        for start, stop in edges:
+        for start, stop in runs_of_true(self.masked):
             part = slice(start, stop)
             level = self.level[part].min()  # of neighbours in a group without one: infinite
             excess = np.maximum(self.power[part] - level, 0)

@@ -12,8 +12,8 @@ from identify.static.centre_result import Centre
 def with_centre(result: Identification, centre: Centre) -> Identification:
     """Return a result whose centre of gravity and mass are those of static poses, with their joint covariance.
 
-    With B = dI/dr of the least squares the tensor's covariance holds ``B V Bᵀ``, V the centre's (3, 3); it had only V's
-    diagonal. The tensor is correlated with the centre by ``B V`` and with the mass by ``B cov(r, m)``.
+    With B = dI/dr of the least squares the tensor's covariance holds ``B V Bᵀ``, V the centre's (3, 3), in place of the
+    same with V's diagonal. The tensor is correlated with the centre by ``B V`` and with the mass by ``B cov(r, m)``.
 
     Args:
         result: identified with ``r_cg`` and the diagonal of the covariance of this centre.

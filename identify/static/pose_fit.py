@@ -133,7 +133,7 @@ def predicted_fit(
     values: Float[np.ndarray, "10"],
     specific_force: Float[np.ndarray, "n 3"],
     scatter: Float[np.ndarray, "6 6"],
-    attitudes: Attitudes = EXACT,
+    attitudes: Attitudes,
 ) -> PoseFit:
     """Return the least squares of poses that are not measured yet, with the covariance that it will have.
 

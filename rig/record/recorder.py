@@ -222,9 +222,8 @@ class Recorder:
             self._writer.add_message(channel, arrival + self._epoch, data, stamp, number & 0xFFFFFFFF)
 
     def _status(self, now: int) -> None:
-        levels = {"ok": cdr.OK}
-        rows = [(levels.get(source.state, cdr.ERROR), source, source.state) for source in self._session.sources]
-        self._diagnose(now, rows)
+        states = [(source, source.state) for source in self._session.sources]
+        self._diagnose(now, [(cdr.OK if state == "ok" else cdr.ERROR, source, state) for source, state in states])
 
     def _diagnose(self, now: int, rows: list[tuple[int, DeviceSource, str]]) -> None:
         """Write a status message of (level, device, text)."""

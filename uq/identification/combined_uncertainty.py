@@ -68,7 +68,7 @@ def combined_interval(
 def budget_of(together: Pooling, sources: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return contributions to the standard uncertainty [kg·m²]: type A's parts, then each source, largest first."""
     residuals = np.sqrt(np.diag(together.from_residuals))
-    scatter = np.sqrt(np.maximum(np.diag(together.covariance) - together.predicted_standard_uncertainty**2, 0))
+    scatter = together.predicted_standard_uncertainty * np.sqrt(together.excess**2 - 1)  # exactly none of a single run
     between = "scatter between mountings" if together.mountings > 1 else "scatter between runs"
     parts = {"residuals": residuals} | ({between: scatter} if scatter.any() else {})
     total = {name: float((contribution**2).sum()) for name, contribution in sources.items()}

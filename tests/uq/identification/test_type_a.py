@@ -13,6 +13,7 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
+from uq.identification.combined_uncertainty import budget_of
 from uq.identification.identify_files import labelled, mounting_names
 from uq.identification.run_scatter import pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
@@ -75,6 +76,12 @@ def test_the_command_says_what_is_wrong_with_mountings(tmp_path, capsys):
         assert main([*arguments, "--out", str(tmp_path / "out")]) == 2
         assert words in capsys.readouterr().err
         assert not (tmp_path / "out").exists()
+
+
+def test_a_single_run_has_no_scatter_in_its_budget(generator):
+    _, single = pooled(generator.normal(size=(1, 6)), [None])
+    single = dataclasses.replace(single, from_residuals=np.diag(generator.uniform(size=6)))
+    assert list(budget_of(single, {})) == ["residuals"]
 
 
 def test_names_of_mountings_are_checked(short):
