@@ -7,7 +7,7 @@ import pytest
 from benchmarks import reference, sums_in_numpy, vectorised
 from benchmarks.contenders import engines, trials_of, truth_of
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
-from uq.sources.draws import block_key, draw_constants, stream_number
+from uq.sources.draws import constant_key, draw_constants, stream_number
 from uq.sources.random_normals import normals_of_keys
 
 
@@ -75,7 +75,7 @@ def test_sums_in_numpy_give_the_engines_estimates_from_the_same_numbers(brief):
     indices = np.arange(trials)
 
     def normals(name, size):
-        keys = jax.vmap(lambda index: block_key(stream_number(name), key, index, 0))(indices)
+        keys = jax.vmap(lambda index: constant_key(key, stream_number(name), index))(indices)
         return np.asarray(normals_of_keys(keys, size)).T
 
     constants = jax.jit(jax.vmap(lambda index: draw_constants(engine.sources, (), key, index, float)))(indices)

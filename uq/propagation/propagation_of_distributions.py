@@ -17,7 +17,7 @@ from uq.coverage.coverage_intervals import CoverageInterval, Value, shortest_int
 from uq.coverage.coverage_regions import covariance_of
 from uq.propagation.law_of_propagation import Model
 from uq.sources.distributions import Distribution
-from uq.sources.draws import stream_number
+from uq.sources.draws import stream_key, stream_number
 from uq.sources.quasi_random import BITS, Points, SobolPoints, coordinates_of, sobol_points, values_at
 from uq.trials.trial_loop import TrialLoop, finite_trials
 
@@ -135,7 +135,7 @@ class _Problem(Pytree):
 
 def _blocks(problem: _Problem, key: Array, numbers: Array) -> Float[Array, "blocks trials *outputs"]:
     def draw(number: Array, name: str, given: Distribution) -> Array:
-        stream = jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), number)
+        stream = stream_key(key, stream_number(name), number)
         return given.draw(stream, (problem.size, *np.shape(given.mean)))
 
     def values(number: Array) -> dict[str, Array]:

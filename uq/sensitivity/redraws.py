@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
-from uq.sources.draws import stream_number
+from uq.sources.draws import stream_key, stream_number
 from uq.sources.quasi_random import Points, SobolPoints, coordinates_of, sobol_points, values_at
 from uq.trials.trial_loop import RunTrials, all_trials
 
@@ -178,7 +178,7 @@ def _gains(inputs: Listed, joint: Joint | None, fixed: Bool[Array, "rows inputs"
 
 def _pair(inputs: Listed, joint: Joint | None, key, trial) -> Pair:
     def key_of(name, copy):
-        return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, stream_number(name)), trial), copy)
+        return jax.random.fold_in(stream_key(key, stream_number(name), trial), copy)
 
     def values(copy):
         return {name: given.draw(key_of(name, copy), np.shape(given.mean)) for name, given in inputs}

@@ -71,9 +71,14 @@ def stream_number(name: str) -> int:
     return zlib.crc32(name.encode())
 
 
-def block_key(number: Index | Array, key: Key[Array, ""], trial: Index, block: Index) -> Key[Array, ""]:
-    """Return the key of one block of a trial, in the stream of this number: seed, stream, trial, block folded in."""
-    return jax.random.fold_in(jax.random.fold_in(jax.random.fold_in(key, number), trial), block)
+def stream_key(key: Key[Array, ""], number: Index | Array, trial: Index) -> Key[Array, ""]:
+    """Return the key of a stream in a trial: the stream's number and the trial, folded into the seed's key."""
+    return jax.random.fold_in(jax.random.fold_in(key, number), trial)
+
+
+def constant_key(key: Key[Array, ""], number: Index | Array, trial: Index) -> Key[Array, ""]:
+    """Return the key of a constant source's one draw in a trial: that of the stream's first block."""
+    return jax.random.fold_in(stream_key(key, number, trial), 0)
 
 
 def draw_constants(
@@ -85,7 +90,7 @@ def draw_constants(
         return {}
     counts = [source.shape.coordinates(np.shape(source.sigma)) for source in constant]
     numbers = jnp.asarray([stream_number(source.name) for source in constant], jnp.uint32)
-    keys = jax.vmap(lambda number: block_key(number, key, trial, 0))(numbers)
+    keys = jax.vmap(lambda number: constant_key(key, number, trial))(numbers)
     # one loop, each point as long as the longest, which changes no number: so XLA compiles the generator once
     points = jax.lax.map(lambda key: random_point(key, max(counts), dtype), keys)
     parts = [point[:count] for point, count in zip(points, counts, strict=True)]
@@ -110,7 +115,7 @@ def constant_coordinates(sources: Sequence[Source]) -> int:
 
 def noise_streams(sources: Sequence[Source], key: Key[Array, ""], trial: Index) -> list[Key[Array, ""]]:
     """Return the key of each source's noise in a trial: to be derived once, not for every block."""
-    return [jax.random.fold_in(jax.random.fold_in(key, stream_number(source.name)), trial) for source in sources]
+    return [stream_key(key, stream_number(source.name), trial) for source in sources]
 
 
 def draw_pairs(

@@ -41,7 +41,7 @@ from uq.gram_sums.case_equations import (
 from uq.gram_sums.cases import Case
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform, gyro_map
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
-from uq.sources.draws import Mixing, block_key, constant_coordinates, constants_at, draw_constants, stream_number
+from uq.sources.draws import Mixing, constant_coordinates, constant_key, constants_at, draw_constants, stream_number
 from uq.sources.quasi_random import SobolPoints, sobol_points
 from uq.sources.random_normals import normals_of_keys
 from uq.sources.source import Source
@@ -224,7 +224,7 @@ def _normals(
 ) -> Float[Array, "count streams trials"]:
     """Return standard normal numbers of each stream in each trial."""
     numbers = jnp.asarray([stream_number(name) for name in names], jnp.uint32)
-    keys = jax.vmap(lambda number: jax.vmap(lambda i: block_key(number, key, i, 0))(indices))(numbers)
+    keys = jax.vmap(lambda number: jax.vmap(lambda i: constant_key(key, number, i))(indices))(numbers)
     return normals_of_keys(keys.ravel(), count).reshape(count, len(names), len(indices))
 
 
