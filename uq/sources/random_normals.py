@@ -55,15 +55,8 @@ def normal_pairs(
     return box_muller(*words, dtype)
 
 
-def normals(key: Key[Array, ""], shape: tuple[int, ...], dtype: Any = "float64") -> Float[Array, "*shape"]:
-    """Return independent standard normal numbers of this shape, from one key; see :func:`normal_pairs`."""
-    count = math.prod(shape)
-    pairs = normal_pairs(key, 0, jax.lax.iota(jnp.uint32, -(-count // 2)), dtype)
-    return jnp.concatenate([pairs.real, pairs.imag])[:count].reshape(shape)
-
-
 def normals_of_keys(keys: Key[Array, " trials"], count: int) -> Float[Array, "count trials"]:
-    """Return what :func:`normals` gives of each key, side by side."""
+    """Return independent standard normal numbers of each key, side by side; see :func:`normal_pairs`."""
     dtype = jnp.result_type(float)  # float32 without float64
     place_pairs = lambda place: jax.vmap(lambda key: normal_pairs(key, 0, place, dtype))(keys)  # noqa: E731
     pairs = drawn_in_turn(place_pairs, -(-count // 2))
