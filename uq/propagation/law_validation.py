@@ -13,6 +13,10 @@ from uq.coverage.adaptive_procedure import numerical_tolerance
 from uq.coverage.coverage_intervals import Verdict, symmetric_interval, validate
 from uq.propagation.law_result import LawResult, LawStatistics
 
+PROBABILITY = 0.95
+"""Coverage probability of the intervals that are compared."""
+DIGITS = 1
+"""Significant digits of the standard uncertainty that count (JCGM 101, 7.9.2)."""
 WRONG_FACTOR = 2.0
 """Ratio of two standard deviations from which their difference is named as the reason."""
 ROUNDING = 1e-12
@@ -32,16 +36,12 @@ class LawVerdict(NamedTuple):
     """Reason why the textbook's law is rejected; empty where it is not."""
 
 
-def validate_law(
-    law: LawResult, result: MonteCarloResult, *, probability: float = 0.95, digits: int = 1
-) -> "LawValidation":
+def validate_law(law: LawResult, result: MonteCarloResult) -> "LawValidation":
     """Compare the intervals of the law and of the textbook's first-order law with a Monte Carlo's.
 
     Args:
         law: of the experiment.
         result: a Monte Carlo of the same experiment, trajectories and estimators.
-        probability: coverage probability.
-        digits: significant digits of the standard uncertainty that count (JCGM 101, 7.9.2).
     """
     verdicts = []
     for trajectory, estimator in law.pairs():
@@ -49,18 +49,18 @@ def validate_law(
         number = list(result.breakdowns[trajectory]).index(estimator)
         for k, (case, statistics) in enumerate([*breakdown.groups.items(), *breakdown.sources.items()]):
             errors = np.ascontiguousarray(result.errors[trajectory][:, number, k].T).T  # a component's side by side
-            interval = symmetric_interval(errors, probability, result.points)
+            interval = symmetric_interval(errors, PROBABILITY, result.points)
             sigma = errors.std(axis=0, ddof=1)
-            tolerance = np.maximum(numerical_tolerance(sigma, digits), ROUNDING)
+            tolerance = np.maximum(numerical_tolerance(sigma, DIGITS), ROUNDING)
             ours, textbook = (
                 validate(*ends, interval, tolerance)
-                for ends in (statistics.coverage_interval(probability), statistics.textbook_interval(probability))
+                for ends in (statistics.coverage_interval(PROBABILITY), statistics.textbook_interval(PROBABILITY))
             )
             why = reason(statistics) if rejected(textbook).any() else ""
             verdicts.append(
                 LawVerdict(trajectory=trajectory, estimator=estimator, case=case, law=ours, textbook=textbook, why=why)
             )
-    return LawValidation(law, result, tuple(verdicts), probability, digits)
+    return LawValidation(law, result, tuple(verdicts))
 
 
 def rejected(verdict: Verdict) -> np.ndarray:
@@ -113,8 +113,6 @@ class LawValidation(Result):
     law: LawResult
     monte_carlo: MonteCarloResult
     verdicts: tuple[LawVerdict, ...]
-    probability: float
-    digits: int
     name: str = "law_validation"
 
     def records(self) -> list[dict[str, Any]]:
@@ -129,8 +127,8 @@ class LawValidation(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return its part of result.json: the verdict on each law by case and component."""
         return {
-            "probability": self.probability,
-            "digits": self.digits,
+            "probability": PROBABILITY,
+            "digits": DIGITS,
             "verdicts": [
                 {
                     "trajectory": v.trajectory, "estimator": v.estimator, "case": v.case, "why": v.why,

@@ -11,7 +11,7 @@ from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict
 from uq.propagation.law_result import LawResult
-from uq.propagation.law_validation import LawValidation, rejected, words_of
+from uq.propagation.law_validation import PROBABILITY, LawValidation, rejected, words_of
 from uq.report.tables.cases import PAIR, grams
 
 
@@ -26,7 +26,7 @@ def tables(result: LawValidation) -> list[Table]:
     for pair in dict.fromkeys((v.trajectory, v.estimator) for v in result.verdicts):
         verdicts = [v for v in result.verdicts if (v.trajectory, v.estimator) == pair]
         rows.append([*pair, _counts([v.law for v in verdicts]), _counts([v.textbook for v in verdicts])])
-    question = f"Do the laws' {100 * result.probability:g} % intervals hold? (JCGM 101, clause 8)"
+    question = f"Do the laws' {100 * PROBABILITY:g} % intervals hold? (JCGM 101, clause 8)"
     return [*beside(result.law, result.monte_carlo), Table(question, [*PAIR, "law", "textbook's law"], rows, NOTE)]
 
 
