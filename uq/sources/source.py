@@ -30,8 +30,6 @@ SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega
 """Units of the measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
 SIGNALS = tuple(SIGNAL_UNITS)
 SIGNAL_NUMBERS = {name: number for number, name in enumerate(SIGNALS)}
-SENSOR: Mapping[str, str] = MappingProxyType({"F": "cell", "M": "cell", "wrench": "cell", "omega": "gyro"})
-"""Sensor that measures each target."""
 CHANNELS: Mapping[str, tuple[str, ...]] = MappingProxyType({"wrench": ("F", "M")})
 """Signals that a target consists of, where it is several."""
 
@@ -128,7 +126,7 @@ class Source(Pytree):
     @property
     def of_gyro(self) -> bool:
         """Whether the source is an error of the gyro."""
-        return SENSOR.get(self.target) == "gyro"
+        return self.signal == SIGNAL_NUMBERS["omega"]
 
 
 class SignalRange(NamedTuple):

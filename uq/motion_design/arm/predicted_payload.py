@@ -36,8 +36,7 @@ def declared_noise(experiment: Experiment, rate: float) -> WrenchNoise:
     Raises:
         ExperimentError: force or moment have none, or a source that the law cannot take.
     """
-    load_cell = frozenset({"F", "M"})
-    counted = frozenset(s.name for s in experiment.sources if s.error_kind.white and load_cell.issuperset({s.target}))
+    counted = frozenset(s.name for s in experiment.sources if s.white and not s.of_gyro)
     constants = constants_of(experiment.sources, experiment.mixing)
     cases = [Case("noise", counted)]
     inputs = inputs_of_cases(cases, constants, experiment.sources, experiment.mixing, rate, ANYWHERE)
