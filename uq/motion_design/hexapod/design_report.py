@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.reporting import plain
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
 from uq.campaign.statistics import Breakdown, large_mean_error
 from uq.experiment.experiment import Experiment, TrajectorySpec
@@ -20,14 +20,12 @@ from uq.motion_design.hexapod.design import Design
 from uq.motion_design.hexapod.designed_experiment import NAME, designed_files
 from uq.motion_design.hexapod.reference_trajectory import differentiator
 from uq.motion_design.report import MotionReport
-from uq.planning.required_duration import Duration, average, growth_of, half_of, required_duration
+from uq.planning.required_duration import GOALS, Duration, average, growth_of, half_of, required_duration
 from uq.planning.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.progress_bar import Progress, progress_of
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawStatistics
 
-OF_THE_CELL = (0, 1)
-"""Signals of the load cell, force and moment, as ``Source.signal`` numbers them."""
 BESIDE = ("T1", "T2", "T4")
 """Trajectories of the experiment that stand beside the design, where there are such."""
 
@@ -78,11 +76,11 @@ class DesignReport(MotionReport):
     def noise_share(self, goal: str) -> float:
         """Return the part of the design's variance that the load cell's white noise makes, which the bound counts."""
         shares = self.source_shares(goal)
-        return sum(shares[s.name] for s in self.design.experiment.sources if s.white and s.signal in OF_THE_CELL)
+        return sum(shares[s.name] for s in self.design.experiment.sources if s.white and not s.of_gyro)
 
     def source_shares(self, goal: str) -> dict[str, float]:
         """Return each source's part in the sum of the goal's variances, of the design."""
-        law, components = self.laws[NAME], list(MOMENTS if goal == "moments" else PRODUCTS)
+        law, components = self.laws[NAME], list(GOALS[goal])
         total = np.diag(law.total.covariance)[components].sum()
         return {name: np.diag(s.covariance)[components].sum() / total for name, s in law.sources.items()}
 

@@ -13,6 +13,7 @@ from identify.rigid_body.inertia import GRAM_METRE
 from uq.campaign.statistics import Breakdown
 from uq.motion_design.arm.arm_design import ArmDesign
 from uq.planning.required_duration import average
+from uq.planning.sensor_worth import BOTH
 from uq.propagation.law_result import LawStatistics
 from uq.report.figures.style import MOST, PAGE, PALETTE, display_name, label, legend_above, new_figure
 
@@ -97,7 +98,7 @@ def budgets(laws: Mapping[str, Breakdown[LawStatistics]], bound: Mapping[str, fl
     width = 0.8 / len(laws)
     figure = new_figure(PAGE, 2.9, layout="constrained")
     panels = figure.subplots(1, 2)
-    for panel, goal in zip(panels, ("moments", "products"), strict=True):
+    for panel, goal in zip(panels, BOTH, strict=True):
         for k, (trajectory, law) in enumerate(laws.items()):
             cases = [law.total, *(law.sources[name] for name in sources)]
             values = [GRAM_METRE * average(case.three_sigma, goal) for case in cases]

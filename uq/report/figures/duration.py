@@ -8,6 +8,7 @@ from matplotlib.ticker import ScalarFormatter, StrMethodFormatter
 
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.planning.required_duration import Growth, average
+from uq.planning.sensor_worth import BOTH
 from uq.report.figures.style import PAGE, PALETTE, RULE, display_name, label, new_figure
 
 
@@ -22,7 +23,7 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
         max(growth.duration / 10, 1.1 * float(np.nanmax(growth.lost, initial=0.0))), 100 * growth.duration, 300
     )
     figure = new_figure(PAGE, 2.9, layout="constrained")
-    goals = list(asked) if set(asked) - set(GOALS_OF_ALL) else list(GOALS_OF_ALL)
+    goals = list(asked) if set(asked) - set(BOTH) else list(BOTH)
     panels = np.atleast_1d(figure.subplots(1, len(goals), sharey=True))
     curves = {goal: GRAM_METRE * average(3 * np.sqrt(growth.at(t)).transpose(1, 0, 2), goal) for goal in goals}
     totals = {goal: GRAM_METRE * average(growth.three_sigma(t), goal) for goal in goals}
@@ -44,6 +45,3 @@ def duration_figure(growth: Growth, asked: Mapping[str, Sequence[float]]) -> Fig
     panels[0].set_ylabel("average 3σ [g·m²]")
     panels[-1].legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return figure
-
-
-GOALS_OF_ALL = ("moments", "products")
