@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.campaign.statistics import Breakdown, ByTrajectory, Statistics, by_component, large_mean_error
+from uq.campaign.statistics import Breakdown, ByTrajectory, Statistics, in_gram_metre, large_mean_error
 from uq.coverage.adaptive_procedure import Stability
 from uq.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
 from uq.coverage.coverage_regions import EllipsoidalRegion, ellipsoidal_region
@@ -148,7 +148,7 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
         "blocks": verdicts[0].blocks,
         "trajectories": {
             trajectory: {
-                name: {"tolerance": by_component(verdict.tolerance), "reached": by_component(verdict.reached)}
+                name: {"tolerance": in_gram_metre(verdict.tolerance), "reached": in_gram_metre(verdict.reached)}
                 for name, verdict in estimators.items()
             }
             for trajectory, estimators in stability.items()
@@ -158,7 +158,7 @@ def stability_record(stability: Mapping[str, Mapping[str, Stability]] | None) ->
 
 def _interval(interval: CoverageInterval) -> dict[str, dict[str, float | None]]:
     names = ("low", "low_standard_error", "high", "high_standard_error")
-    return {name: by_component(getattr(interval, name)) for name in names}
+    return {name: in_gram_metre(getattr(interval, name)) for name in names}
 
 
 def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:
@@ -167,7 +167,7 @@ def _ellipsoid(errors: np.ndarray) -> dict[str, Any] | None:
     except ValueError:  # too few trials, or components of which one follows from the others
         return None
     return {
-        "centre": by_component(region.centre),
+        "centre": in_gram_metre(region.centre),
         "covariance": (GRAM_METRE**2 * region.covariance).tolist(),
         "factor": region.factor.value,
         "factor_standard_error": region.factor.standard_error,

@@ -9,12 +9,11 @@ import numpy as np
 from identify.exceptions import UnknownNameError
 from identify.reporting import Result, Shown, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.inertial_parameters import by_component
 from identify.rounding import significant
 from uq.gram_sums.cases import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
-
-__all__ = ["GRAM_METRE", "Breakdown", "Statistics", "breakdown", "large_mean_error"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,12 +55,12 @@ class Statistics(Shown):
     def to_dict(self) -> dict[str, dict[str, float | None]]:
         """Return the four figures by component, in g·m²; a figure that does not exist is None."""
         names = ("mean_error", "mean_error_standard_error", "three_sigma", "three_sigma_standard_error")
-        return {name: by_component(getattr(self, name)) for name in names}
+        return {name: in_gram_metre(getattr(self, name)) for name in names}
 
 
-def by_component(values: np.ndarray) -> dict[str, float | None]:
+def in_gram_metre(values: np.ndarray) -> dict[str, float | None]:
     """Return figures [kg·m²] by component, in g·m²; what is not finite is None."""
-    return plain(dict(zip(COMPONENTS, GRAM_METRE * values, strict=True)))
+    return plain(by_component(GRAM_METRE * values))
 
 
 def _mean_and_sigma(errors: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import scipy
 
 from identify.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.campaign.statistics import Breakdown, ByTrajectory, by_component
+from uq.campaign.statistics import Breakdown, ByTrajectory, in_gram_metre
 
 
 @dataclass(frozen=True, repr=False)
@@ -65,7 +65,7 @@ class LawStatistics(Shown):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures by component, in g·m²; the covariance in (g·m²)², rows in the order of the components."""
         figures = {
-            name: by_component(getattr(self, name))
+            name: in_gram_metre(getattr(self, name))
             for name in ("mean_error", "three_sigma", "textbook_mean_error", "textbook_three_sigma")
         }
         covariance = GRAM_METRE**2 * self.covariance

@@ -21,7 +21,7 @@ from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.files.toml_text import toml_text
 from uq.report.report_files import files, report
-from uq.report.tables.budget import _name, by_component, findings, of_tensor
+from uq.report.tables.budget import _name, findings, of_tensor, shares_by_component
 from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
@@ -336,7 +336,7 @@ def test_the_largest_share_comes_first_and_small_ones_share_a_row(result):
     ]
     assert (first, rest, total) == ("M precision", f"{len(small)} more, below 0.05 each", "sum of sources")
     assert len(of_tensor(b).rows) == 7 - len(small) + 1 + 1 + 3
-    order = [row[0] for row in by_component(b).rows[:7]]
+    order = [row[0] for row in shares_by_component(b).rows[:7]]
     assert order == [_name(name) for name in sorted(shares, key=shares.get, reverse=True)]
 
 

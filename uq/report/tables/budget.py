@@ -32,7 +32,7 @@ def overview(result: BudgetResult) -> list[Table]:
         table
         for pair in result.pairs()
         for budget in [result[pair]]
-        for table in (of_tensor(budget, ", ".join(pair)), by_component(budget), mean_errors(budget))
+        for table in (of_tensor(budget, ", ".join(pair)), shares_by_component(budget), mean_errors(budget))
     ]
 
 
@@ -91,7 +91,8 @@ def _details(result: BudgetResult) -> list[Table]:
     shown = []
     for pair in result.pairs():
         budget, where = result[pair], ", ".join(pair)
-        shown += [by_component(budget, kind, f"{where}: shares by component") for kind in ("shapley", "first", "total")]
+        caption = f"{where}: shares by component"
+        shown += [shares_by_component(budget, kind, caption) for kind in ("shapley", "first", "total")]
         shown.append(mean_errors(budget, f"{where}: mean errors"))
     return [*shown, *source_tables(result.provenance)]
 
@@ -139,7 +140,7 @@ def of_tensor(budget: SourceBudget, caption: str = "") -> Table:
     return Table(caption, ["% of the tensor's variance", *KINDS.values()], rows)
 
 
-def by_component(budget: SourceBudget, quantity: str = "shapley", caption: str = "") -> Table:
+def shares_by_component(budget: SourceBudget, quantity: str = "shapley", caption: str = "") -> Table:
     """Return the shares of each component's variance: ``first``, ``total`` or ``shapley``."""
     cases = []
     for label, effects in _kinds(budget):
