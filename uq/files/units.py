@@ -109,6 +109,11 @@ def scale(name: str, unit: str) -> float:
         raise UnitError(f"is {quoted(name)}: {_meant(name, unit)}write the name of a unit, such as {unit}") from None
 
 
+def printed(unit: str) -> str:
+    """Return a unit as it is printed: ``N·m`` of ``N*m``, ``m/s²`` of ``m/s^2``."""
+    return unit.replace("*", "·").replace("^2", "²")
+
+
 def _meant(name: str, unit: str, *, is_unit: bool = False) -> str:
     """``did you mean …? `` of a unit of the asked dimension; ``is_unit``: of another dimension."""
     if _fits(name, unit):

@@ -14,6 +14,7 @@ import numpy as np
 
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.experiment.experiment import Experiment
+from uq.files.units import printed
 from uq.gram_sums.cases import Case
 from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
@@ -191,6 +192,5 @@ def _described(source: Source) -> dict[str, Any]:
     figure = float(np.max(np.abs(figures))) / part_of(unit)
     if unit in SMALL and figure < 0.01:
         unit, figure = SMALL[unit], 1000 * figure
-    unit = unit.replace("*", "·").replace("^2", "²").replace("**2", "²")
-    return {"name": source.name, "group": source.group, "what": what, "unit": unit,
+    return {"name": source.name, "group": source.group, "what": what, "unit": printed(unit),
             "figure": float(f"{figure:.{DIGITS}g}"), "axes": int(np.size(source.sigma))}  # fmt: skip

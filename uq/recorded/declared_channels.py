@@ -16,9 +16,9 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
 from rig.read_limits import parse_json
 from uq.experiment.recording_table import UNITS, RecordingTable
-from uq.files.units import UnitError, scale
+from uq.files.units import UnitError, printed, scale
+from uq.recorded.angular_velocity import AT_REST
 
-SYMBOLS = {"force": "N", "moment": "N·m", "angular_velocity": "rad/s", "acceleration": "m/s²"}
 EQUAL = 1e-9
 """Difference that two declarations of the same may have, for rounding."""
 
@@ -95,14 +95,14 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     )  # fmt: skip
 
 
-AT_REST = ("map", "odom", "world", "earth", "base")
+WRENCH_AT_REST = (*AT_REST, "base")
 """Frames of a wrench that do not turn with the body: REP 105, and the base of an arm."""
 
 
 def _check_wrench(bag: channels.Recording, recording: RecordingTable, metadata: "_Metadata") -> None:
     """Refuse a wrench along axes that rest, and one whose weight a robot has removed without a word of it."""
     frame = bag.wrench.frame_id.lstrip("/")
-    if frame in AT_REST and recording.wrench_frame is None:
+    if frame in WRENCH_AT_REST and recording.wrench_frame is None:
         raise RunError(
             f"the wrench of {metadata.name} is along the axes of {quoted(frame)}, which do not turn with the body: "
             'set wrench_frame = "base" in [recording] where joints, poses or a quaternion give its attitude, or record '
@@ -176,7 +176,7 @@ def _scales(metadata: _Metadata, recording: RecordingTable, assumed: list[str]) 
                 )
         else:
             scales[quantity] = 1.0 if run_scale is None else run_scale
-            silent += [SYMBOLS[quantity]] * (run_scale is None)
+            silent += [printed(si)] * (run_scale is None)
     if silent:
         assumed.append(f"values are in {', '.join(silent)}")
     return scales

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from identify.rounding import significant
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
+from uq.files.units import printed
 from uq.sources.source import SIGNAL_UNITS, SIGNALS, Source
 
 FAR = 2.0
@@ -74,7 +75,7 @@ def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
 
 
 def _line(run: Run, target: str, axis: int, shown: np.ndarray, declared: np.ndarray) -> str:
-    unit = SIGNAL_UNITS[target].replace("*", "·")
+    unit = printed(SIGNAL_UNITS[target])
     return (
         f"{run.name}: {target} has noise of {significant(shown[axis], 2)} {unit} a sample on b{axis + 1}, "
         f"its sources declare {significant(declared[axis], 2)} {unit}: check the figure, or what vibrates the rig"

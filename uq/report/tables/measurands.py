@@ -10,6 +10,7 @@ from identify.rounding import beside_uncertainty, common_power, in_power, rounde
 from identify.text_tables import Table
 from uq.bodies.export import Exported
 from uq.bodies.reference import Reference
+from uq.files.units import printed
 from uq.propagation.law_of_propagation import LinearLaw
 from uq.propagation.propagation_of_distributions import Propagation
 from uq.recorded.still_noise import StillNoise
@@ -139,8 +140,8 @@ def noise_tables(result: StillNoise) -> list[Table]:
     """Return N, B and K of each channel with their intervals, drift and step; then the spectral lines."""
     rows, lines = [], []
     for channel in result.channels:
-        noise, name = channel.noise, f"{channel.quantity}{channel.axis + 1}, {channel.unit}".replace("*", "·")
-        row = [name.replace("^2", "²").replace("omega", "ω")]
+        noise, quantity = channel.noise, channel.quantity.replace("omega", "ω")
+        row = [f"{quantity}{channel.axis + 1}, {printed(channel.unit)}"]
         for value, (low, high) in zip(noise.values, noise.interval95, strict=True):
             half = (high - low) / 2
             ends = f"{rounded(low, half)} … {rounded(high, half)}" if low > 0 else f"< {significant(high, 2)}"
