@@ -12,9 +12,10 @@ from identify.exceptions import RunError
 from identify.reporting import Result, plain
 from identify.results.declaration import status
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
+from identify.rigid_body.principal_axes import principal
 from identify.rounding import common, significant
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
-from uq.bodies.exported_body import ExportedBody, principal_axes
+from uq.bodies.exported_body import ExportedBody
 from uq.files.output_folder import HasFiles
 
 ROUNDING = 1e-12
@@ -122,7 +123,7 @@ def _refuse_unknown(parameters: InertialParameters) -> None:
 
 def _doubt(parameters: InertialParameters, distance_of_fit: float) -> str | None:
     """Return the reason why the tensor should not be exported; None: it is a body's, near to the data."""
-    low, middle, high = principal_axes(parameters.inertia)[0]
+    low, middle, high = principal(np.asarray(parameters.inertia))[0]
     if low <= 0 or low + middle < high * (1 - ROUNDING):
         far = distance_from_bodies(parameters.inertia, np.nan_to_num(parameters.covariance[4:, 4:]))
         moments = f"principal moments {', '.join(common((low, middle, high), 4))} kg·m²"

@@ -11,6 +11,7 @@ from itertools import permutations
 
 import numpy as np
 
+from identify.rigid_body.principal_axes import principal
 from rig.exceptions import on_one_line
 
 MILLIMETRE = 1e3
@@ -48,16 +49,10 @@ class ExportedBody:
 
         Of the 24 right-handed choices of principal axes it is the one that turns least: no turn for a diagonal tensor.
         """
-        moments, rows = principal_axes(self.inertia)
+        moments, rows = principal(np.asarray(self.inertia))
         choices = [(order, _aligned(rows[list(order)])) for order in permutations(range(3))]
         order, axes = max(choices, key=lambda choice: np.trace(choice[1]))
         return moments[list(order)], axes.T
-
-
-def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the principal moments [kg·m²], ascending, and their axes as rows, in float64 whatever JAX is set to."""
-    moments, vectors = np.linalg.eigh(np.asarray(inertia)[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
-    return moments, vectors.T
 
 
 def _aligned(rows: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from identify.floating_point import check_precision
 from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
+from identify.rigid_body.principal_axes import principal
 from identify.rigid_body.rotation import exponential
 from identify.rounding import common, significant
 from rig.toml_tables import TomlTable, WrongKeyError
@@ -35,7 +36,6 @@ from uq.bodies.drawing import (
     Vector,
     drawing,
 )  # fmt: skip
-from uq.bodies.exported_body import principal_axes
 from uq.files.document import in_file, read_document
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import ROTATION, declared_table
@@ -202,7 +202,7 @@ def _propagated(model: Model, quantities: Quantities) -> tuple[np.ndarray, np.nd
 
 def _impossible(parameters: InertialParameters, name: str) -> str | None:
     """Return the reason why no body has this mass and tensor; None: one may have."""
-    low, middle, high = principal_axes(parameters.inertia)[0]
+    low, middle, high = principal(np.asarray(parameters.inertia))[0]
     if parameters.mass <= 0 or low <= 0 or low + middle < high * (1 - ROUNDING):
         return (
             f"{name} is no body: its mass is {significant(parameters.mass, 4)} kg, its principal moments are "

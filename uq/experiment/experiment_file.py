@@ -6,6 +6,7 @@ from typing import Annotated, Literal, get_args
 import msgspec
 import numpy as np
 
+from identify.rigid_body.inertia import unpack
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.rounding import common
 from identify.signals.estimator_spec import EstimatorSpec
@@ -51,7 +52,7 @@ class InertiaTable(TensorTable, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Refuse a tensor that no body has."""
-        low, middle, high = np.linalg.eigvalsh(self.packed[[[0, 1, 2], [1, 3, 4], [2, 4, 5]]])
+        low, middle, high = np.linalg.eigvalsh(unpack(self.packed))
         if low <= 0 or low + middle < high * (1 - 1e-12):
             raise WrongKeyError(
                 "",
