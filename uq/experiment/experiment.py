@@ -16,8 +16,10 @@ from typing import Any
 import jax
 import msgspec
 import numpy as np
+from jaxtyping import Array, Float
 
 from identify.motion.stewart_platform import StewartPlatform
+from identify.motion.trajectory import Trajectory
 from identify.reporting import Shown
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
@@ -372,3 +374,9 @@ def _bodies(document: Mapping[str, Any]) -> dict[str, Any]:
 def samples(spec: TrajectorySpec) -> np.ndarray:
     """Return a trajectory's instants [s]: from 0, at its rate, ``duration * rate`` of them."""
     return np.arange(math.floor(spec.duration * spec.rate + 0.5)) / spec.rate
+
+
+@jax.jit
+def turn_rates(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
+    """Return angular velocity [rad/s] and angular acceleration [rad/s²] at some instants [s]."""
+    return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
@@ -28,7 +27,7 @@ from identify.rigid_body.inertial_parameters import by_component
 from identify.rounding import significant
 from identify.signals.filters import lowpass
 from identify.signals.run import Run, RunError
-from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
+from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec, turn_rates
 from uq.files.provenance import provenance
 from uq.propagation.experiment_law import law
 from uq.recorded.load_run import load
@@ -127,13 +126,8 @@ def _unlike(run: Run) -> RunError:
 def plan_at(spec: TrajectorySpec, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Planned angular velocity and acceleration at any instants, at rest outside the motion, (n, 3) each."""
     inside = (t > 0) & (t < spec.duration)
-    omega, alpha = _sampled(spec.trajectory, jnp.asarray(np.clip(t, 0.0, spec.duration)))
+    omega, alpha = turn_rates(spec.trajectory, jnp.asarray(np.clip(t, 0.0, spec.duration)))
     return np.where(inside[:, None], omega, 0.0), np.where(inside[:, None], alpha, 0.0)
-
-
-@jax.jit
-def _sampled(trajectory: Trajectory, t: Float[Array, " n"]) -> tuple[Array, Array]:
-    return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 
 
 def verdicts(followed: Followed) -> list[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -13,7 +13,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-u
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from uq.barreto2016 import PaperResult
 from uq.campaign.campaign_result import MonteCarloResult, average
-from uq.experiment.experiment import Experiment, TrajectorySpec, samples
+from uq.experiment.experiment import Experiment, TrajectorySpec, samples, turn_rates
 from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
 from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, legend_above, new_figure
 
@@ -101,13 +101,8 @@ def rates(spec: TrajectorySpec) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a trajectory's instants [s], angular velocity [rad/s] and acceleration [rad/s²], thinned for drawing."""
     t = samples(spec)
     t = t[:: -(-len(t) // POINTS)]
-    omega, alpha = _rates(spec.trajectory, t)
+    omega, alpha = turn_rates(spec.trajectory, jnp.asarray(t))
     return t, np.asarray(omega).T, np.asarray(alpha).T
-
-
-@jax.jit
-def _rates(trajectory, t):
-    return jax.vmap(trajectory.omega)(t), jax.vmap(trajectory.alpha)(t)
 
 
 def averages(
