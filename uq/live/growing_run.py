@@ -22,12 +22,11 @@ from rig.bags.marks import Notes
 from rig.bags.topics import Contents
 from rig.channels import ImuChannel, WrenchChannel
 from uq.experiment.recording_table import RecordingTable
+from uq.identification.run_sums import SPLINE
 from uq.recorded.load_run import of_channels
 
 BLOCK = 2.0
 """Seconds of a block."""
-SPLINE = 64
-"""Samples at a window's end that the spline through it may be wrong in; it is wrong by 0.27 to this power."""
 AnyChannel = TypeVar("AnyChannel", WrenchChannel, ImuChannel)
 NOTHING_NOTED = Notes((), ())
 
