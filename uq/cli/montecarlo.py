@@ -9,6 +9,7 @@ from uq.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, 
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.adaptive_procedure import Goal
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.progress_bar import Progress
 from uq.propagation.experiment_law import law
 from uq.propagation.law_result import LawResult
 from uq.propagation.law_validation import validate_law
@@ -17,7 +18,7 @@ from uq.sensitivity.source_budget import budget
 from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_campaign_options, positive_quantity, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
+from uq.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar, say
 from uq.trials.checkpoint import Checkpoint
@@ -71,28 +72,27 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
     with output_folder(arguments.out) as out:
         folders = {name: None if out is None else out / name for name in experiments}
-        checkpoints = {
-            name: None if folder is None else Checkpoint(checkpoint_folder(folder), say=say)
-            for name, folder in folders.items()
-        }
+        checkpoints = {name: checkpoint_in(folder) for name, folder in folders.items()}
         with resumable(out, arguments):
-            results = {
+            campaigns = {
                 name: _campaign(arguments, name, experiment, checkpoints[name], goal, speaks)
                 for name, experiment in experiments.items()
             }
-            more = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
+            budgets = {name: _budget(arguments, name, experiment) for name, experiment in experiments.items()}
         if not speaks:
             return 0
-        for name, result in results.items():
-            more[name] += [validate_law(laws[name], result)] if name in laws else []
-            keep(folders[name], result, *more[name], *([laws[name]] if name in laws else []))
+        results: dict[str, list[Result]] = {}
+        for name, campaign in campaigns.items():
+            by_law = [laws[name]] if name in laws else []
+            results[name] = [campaign, *budgets[name], *(validate_law(found, campaign) for found in by_law)]
+            keep(folders[name], *results[name], *by_law)
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
                 checkpoint.remove()
-        for name, result in results.items():
+        for name, shown in results.items():
             if name:
                 print(f"\nbody {name}\n")
-            show(folders[name], result, *more[name])
+            show(folders[name], *shown)
     return 0
 
 
@@ -114,14 +114,16 @@ def _campaign(
         return montecarlo(
             experiment, trials=arguments.trials, **_choices(arguments),
             plan=SamplingPlan(
-                engine="samples" if arguments.samples else "sums",
-                points="quasi-random" if arguments.quasi_random else "random", dtype=arguments.dtype, goal=goal,
+                engine=arguments.engine, points="quasi-random" if arguments.quasi_random else "random",
+                dtype=arguments.dtype, goal=goal,
             ),
-            options=RunOptions(
-                checkpoint=checkpoint,
-                progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
-            ),
+            options=RunOptions(checkpoint=checkpoint, progress=_by_body(name, bar)),
         )  # fmt: skip
+
+
+def _by_body(name: str, bar: TerminalBar) -> Progress:
+    """The bar, with the body's name before the trajectory's."""
+    return lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials)
 
 
 def _choices(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -153,7 +155,6 @@ def _budget(arguments: argparse.Namespace, name: str, experiment: Experiment) ->
     with TerminalBar() as bar:
         result = budget(
             experiment, trials=arguments.budget, **_choices(arguments),
-            engine="samples" if arguments.samples else "sums", dtype=arguments.dtype,
-            progress=lambda trajectory, *trials: bar(f"{name} {trajectory}".strip(), *trials),
+            engine=arguments.engine, dtype=arguments.dtype, progress=_by_body(name, bar),
         )  # fmt: skip
     return [result]

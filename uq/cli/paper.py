@@ -11,9 +11,8 @@ from uq.report.tables.paper import row
 from uq.terminal.command_parser import CommandParser
 from uq.terminal.common import keep, output_folder, show, start_jax
 from uq.terminal.options import add_campaign_options, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_folder, resumable, together
-from uq.terminal.terminal_bar import TerminalBar, say
-from uq.trials.checkpoint import Checkpoint
+from uq.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
+from uq.terminal.terminal_bar import TerminalBar
 
 
 def configure(parser: CommandParser) -> None:
@@ -27,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax(alone=not arguments.distributed)
     with together(arguments) as speaks, output_folder(arguments.out) as out:
-        checkpoint = None if out is None else Checkpoint(checkpoint_folder(out), say=say)
+        checkpoint = checkpoint_in(out)
         with TerminalBar(silent=not speaks) as progress:
 
             def show_rows(trajectory: str, trials: int, breakdowns: Mapping[str, Breakdown[Statistics]]) -> None:
@@ -35,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
                     for estimator, breakdown in breakdowns.items() if speaks else ():
                         progress.print(row(trajectory, trials, estimator, breakdown.total))
 
-            plan = SamplingPlan(engine="samples" if arguments.samples else "sums", dtype=arguments.dtype)
+            plan = SamplingPlan(engine=arguments.engine, dtype=arguments.dtype)
             options = RunOptions(checkpoint=checkpoint, progress=progress, shown=show_rows)
             with resumable(out, arguments):
                 result = paper(trials=arguments.trials, seed=arguments.seed, plan=plan, options=options)

@@ -58,8 +58,9 @@ def add_campaign_options(parser: CommandParser, ways: argparse._ActionsContainer
     """Add the options of a campaign; ``ways`` is the group of the ways to draw, where there are others."""
     parser.add_argument("--seed", type=whole_number, default=0, help="seed of every draw (0)")
     (ways or parser).add_argument(
-        "--samples", action="store_true", help="draw every sample of every trial: slow, the reference"
-    )
+        "--samples", action="store_const", dest="engine", const="samples", default="sums",
+        help="draw every sample of every trial: slow, the reference",
+    )  # fmt: skip
     parser.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64",
         help="precision of the samples that are drawn (float64)",

@@ -11,8 +11,10 @@ from rig.exceptions import on_one_line, quoted
 from uq.files.mistakes import MISTAKES, ExperimentError
 from uq.terminal.command_parser import CommandParser
 from uq.terminal.options import whole_number
+from uq.terminal.terminal_bar import say
 from uq.terminal.watchdog import LOST, patient, say_met
 from uq.trials import joined_processes as cluster
+from uq.trials.checkpoint import Checkpoint
 
 
 def add_cluster_options(parser: CommandParser) -> None:
@@ -87,9 +89,9 @@ def _end(error: BaseException) -> None:
     os._exit(status)
 
 
-def checkpoint_folder(folder: Path) -> Path:
-    """Return the folder of finished trials, in an output folder, until the result is written."""
-    return folder / "checkpoint"
+def checkpoint_in(folder: Path | None) -> Checkpoint | None:
+    """Return the store of finished trials in an output folder, until the result is written; None: no folder."""
+    return None if folder is None else Checkpoint(folder / "checkpoint", say=say)
 
 
 @contextlib.contextmanager
