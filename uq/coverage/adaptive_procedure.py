@@ -16,7 +16,7 @@ import scipy
 from jaxtyping import Float
 
 from uq.coverage.coverage_intervals import Value, check_probability, symmetric_interval
-from uq.coverage.coverage_regions import Draws, covariance_of, distance, quantile
+from uq.coverage.coverage_regions import Draws, covariance_of, distance, quantile, scatter_of
 
 CONFIDENCE = 0.95
 """Probability with which all figures under watch are within their tolerances at the stop."""
@@ -154,8 +154,7 @@ def _joint_figures(draws: Draws, probability: float) -> tuple[float, float]:
     covariance = covariance_of(draws)
     if not np.isfinite(covariance).all():
         return np.nan, np.nan
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1)
+    scale = scatter_of(covariance)
     strength = np.linalg.eigvalsh(covariance / np.outer(scale, scale))[-1]
     return float(strength), quantile(distance(draws, draws.mean(0), covariance), probability).value
 

@@ -160,9 +160,14 @@ class Verdict:
     """Twice the larger standard error of the Monte Carlo's ends: what this many trials can tell."""
 
     @property
+    def distance(self) -> np.ndarray:
+        """Distance of the ends that are further apart."""
+        return np.asarray(np.maximum(np.abs(self.d_low), np.abs(self.d_high)))
+
+    @property
     def holds(self) -> np.ndarray:
         """Whether both ends of the interval agree, so that the law is validated."""
-        return np.asarray(np.maximum(np.abs(self.d_low), np.abs(self.d_high)) <= self.tolerance)
+        return np.asarray(self.distance <= self.tolerance)
 
 
 def validate(low: Value, high: Value, interval: CoverageInterval, tolerance: Value) -> Verdict:

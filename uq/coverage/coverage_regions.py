@@ -88,12 +88,17 @@ def distance(points: Draws, centre: np.ndarray, covariance: np.ndarray) -> Float
 
     Directions in which the outputs do not scatter count for nothing.
     """
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0, scale, 1)
+    scale = scatter_of(covariance)
     strength, directions = np.linalg.eigh(covariance / np.outer(scale, scale))
     scattered = strength > 1e-12 * strength[-1]
     along = ((points - centre) / scale) @ directions[:, scattered]
     return np.linalg.norm(along / np.sqrt(strength[scattered]), axis=1)
+
+
+def scatter_of(covariance: np.ndarray) -> np.ndarray:
+    """Return each output's standard deviation, by which its figures are scaled; 1 where it does not scatter."""
+    scatter = np.sqrt(np.diag(covariance))
+    return np.where(scatter > 0, scatter, 1)
 
 
 def _inside(draws: Draws, others: Draws, probability: float) -> np.ndarray:

@@ -65,7 +65,7 @@ def validate_law(law: LawResult, result: MonteCarloResult) -> "LawValidation":
 
 def rejected(verdict: Verdict) -> np.ndarray:
     """Return for which outputs the law is off by more than the tolerance and four standard errors of the interval."""
-    return np.maximum(np.abs(verdict.d_low), np.abs(verdict.d_high)) > verdict.tolerance + 2 * verdict.resolution
+    return verdict.distance > verdict.tolerance + 2 * verdict.resolution
 
 
 def reason(statistics: LawStatistics) -> str:
