@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 from numpy import fft
 
 from uq.gram_sums.case_equations import NoiseExpectation, noise_expectation
 from uq.gram_sums.noise_algebra import NoiseAlgebra, noise_algebra
-from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter, fast_length
+from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 
 PIECE = 8192
 """Samples in a step of the pass where all noise is white: what a step works on stays in a processor's cache."""
@@ -186,7 +187,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
     """Return rows convolved with a centred kernel, at the inner samples."""
     half, lags = len(kernel) // 2, np.flatnonzero(kernel)
     if len(lags) > FEW:
-        size = fast_length(rows.shape[1] + len(kernel))
+        size = scipy.fft.next_fast_len(rows.shape[1] + len(kernel), real=True)
         convolution = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
         return convolution[:, inner.start + half : inner.stop + half]
     total = np.zeros((len(rows), inner.stop - inner.start))
@@ -199,7 +200,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
 def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter) -> Float[np.ndarray, "rows n"]:
     """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter."""
     n = terms.shape[1]
-    size = fast_length(2 * n)
+    size = scipy.fft.next_fast_len(2 * n, real=True)
     spectrum = np.conj(fft.rfft(filter_.response(n), size))
     return np.stack([fft.irfft(fft.rfft(row, size) * spectrum, size)[:n] for row in terms])
 

@@ -5,13 +5,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 from numpy import fft
-
-
-def fast_length(n: int) -> int:
-    """Return a length of at least ``n`` for which a Fourier transform is fast: 2^k, 3 × 2^k or 5 × 2^k."""
-    return min(factor << max(0, -(-n // factor) - 1).bit_length() for factor in (1, 3, 5))
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,7 @@ class NoiseFilter:
         h = self.response(n)
         if len(h) == 1:
             return h**2
-        lags, size = np.arange(n), fast_length(2 * n)
+        lags, size = np.arange(n), scipy.fft.next_fast_len(2 * n, real=True)
         spectrum = fft.rfft(h, size)
         weighted, plain = (
             fft.irfft(np.conj(fft.rfft(x, size)) * spectrum, size)[:n] for x in ((n - lags) * h, h)
