@@ -170,6 +170,11 @@ class Report(ReportTable, frozen=True, kw_only=True):
     """Whether the days of the work come from the recordings."""
 
     @property
+    def coverage(self) -> dict[str, float | None]:
+        """Coverage factor or probability of expanded uncertainties; None: it follows from the other, or is usual."""
+        return {"factor": self.coverage_factor, "probability": self.coverage_probability}
+
+    @property
     def approvers(self) -> tuple[Mapping[str, str], ...]:
         """Name and function of each who approves."""
         people = self.approved_by if isinstance(self.approved_by, tuple) else (self.approved_by,)

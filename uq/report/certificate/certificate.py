@@ -46,8 +46,7 @@ class Certificate(Result):
     @cached_property
     def tensor(self) -> Expanded:
         """The components with their expanded uncertainty, undeclared errors in it [kg·m²]."""
-        report = self.report
-        return of_tensor(self.with_undeclared, factor=report.coverage_factor, probability=report.coverage_probability)
+        return of_tensor(self.with_undeclared, **self.report.coverage)
 
     @cached_property
     def checks(self) -> list[list[str]]:

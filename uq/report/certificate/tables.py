@@ -71,7 +71,7 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     ten, unit = result.parameters, np.array(UNITS)
     ends = interval95(ten, result.centre_factor) * unit[:, None]
     value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
-    rows = of_intervals(NAMES, value, u, ends, report.coverage_factor, report.coverage_probability).rows()
+    rows = of_intervals(NAMES, value, u, ends, **report.coverage).rows()
     if not np.isfinite(ten.mass):
         rows[0] = [f"mass: {MISSING}", *[""] * 7]
     for k in np.flatnonzero(~(u > 0) & np.isfinite(value)):
@@ -85,8 +85,7 @@ def principal(result: Identification, report: Report) -> list[Table]:
     if not np.isfinite(result.covariance).all():
         return []
     axes = principal_axes(result.inertia, result.covariance)
-    asked = {"factor": report.coverage_factor, "probability": report.coverage_probability}
-    moments = of_normal(tuple("123"), axes.moments, axes.standard_uncertainty, **asked)
+    moments = of_normal(tuple("123"), axes.moments, axes.standard_uncertainty, **report.coverage)
     rows = []
     for row, axis, determined, angle in zip(
         moments.rows(GRAM_METRE), axes.axes, axes.determined, axes.angles, strict=True
