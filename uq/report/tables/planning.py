@@ -86,7 +86,7 @@ def worth_tables(worth: SensorWorth) -> list[Table]:
     head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
     rows = [["none", *(cell for goal in BOTH for cell in (significant(GRAM_METRE * now[goal]), "")),
              *("" for _ in COMPONENTS)]]  # fmt: skip
-    for k in np.argsort(worth.halved.sum(axis=1)):
+    for k in worth.by_worth:
         cells = [worth.sources[k].replace("_", " ")]
         for goal in BOTH:
             then = average(worth.halved[k], goal)
@@ -99,8 +99,7 @@ def worth_overview(worth: SensorWorth) -> list[Table]:
     """Return averages alone; sources that change neither by 0.05 % share a row."""
     (table,) = worth_tables(worth)
     none, *rows = (row[:5] for row in table.rows)
-    order = np.argsort(worth.halved.sum(axis=1))
-    small = [abs(worth.changes()[k]).max() < NEGLIGIBLE for k in order]
+    small = [abs(worth.changes()[k]).max() < NEGLIGIBLE for k in worth.by_worth]
     if sum(small) > 1:
         shown = [row for row, negligible in zip(rows, small, strict=True) if not negligible]
         rows = [*shown, [f"{sum(small)} others", "", "0.0", "", "0.0"]]
