@@ -1,6 +1,5 @@
 """The result of static poses as the prior of a recorded run: ``inertia identify --centre``."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,13 +85,8 @@ def with_free_centre(experiment: Experiment) -> Experiment:
 
 def centre_provenance(path: str | Path | Centre, centre: Centre) -> dict[str, Any]:
     """Return the provenance of the centre that a result used."""
-    provenance: Mapping[str, Any] = centre.provenance
-    return {
-        **({} if isinstance(path, Centre) else {"file": str(path), "sha256": sha256(path)}),
-        "inputs": provenance.get("inputs"),
-        "package": provenance.get("package"),
-        "time": provenance.get("time"),
-    }
+    file = {} if isinstance(path, Centre) else {"file": str(path), "sha256": sha256(path)}
+    return {**file, **{key: centre.provenance.get(key) for key in ("inputs", "package", "time")}}
 
 
 def _millimetres(r: np.ndarray) -> str:

@@ -12,8 +12,6 @@ from identify.estimators.pooling import Pooling
 from identify.results.identification_result import ESTIMATE, Identification
 from uq.sources.source import Source
 
-Name = str
-
 
 class Systematic(NamedTuple):
     """Errors of a pooled tensor from the systematic sources."""
@@ -23,7 +21,7 @@ class Systematic(NamedTuple):
     """Errors of the tensor from the sources that all runs share [kg·m²]."""
     by_mounting: Float[np.ndarray, "trials 6"]
     """Errors of the tensor from the sources that each mounting draws independently [kg·m²]."""
-    alone: Mapping[Name, Float[np.ndarray, "trials 6"]]
+    alone: Mapping[str, Float[np.ndarray, "trials 6"]]
     """Errors of the tensor from each source alone, by its name [kg·m²]."""
     failed: int = 0
     """Draws with which the tensor could not be solved; they are left out."""

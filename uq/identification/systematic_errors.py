@@ -36,7 +36,6 @@ from uq.identification.centre_errors import (
     with_shared_errors,
 )
 from uq.identification.combined_uncertainty import (
-    Name,
     Systematic,
     budget_of,
     combined_diagnostics,
@@ -77,16 +76,16 @@ class SystematicProblem(Pytree):
     nodes: Float[Array, " delays"]
     """Delays of the sums [s]."""
     columns: Columns
-    centre_by_draw: dict[Name, Float[Array, "3 n"]]
+    centre_by_draw: dict[str, Float[Array, "3 n"]]
     """Change of the static poses' centre of gravity by each source's draw, which it already holds [m]."""
-    redrawn: frozenset[Name] = static_field()
+    redrawn: frozenset[str] = static_field()
     """Sources that each mounting draws independently."""
     offsets: OffsetChoice = static_field()
     weighed: bool = static_field()
     """Whether the sums are those of generalised least squares."""
 
     @property
-    def cases(self) -> tuple[frozenset[Name], ...]:
+    def cases(self) -> tuple[frozenset[str], ...]:
         """The sources that all mountings share, those that each draws independently (if any), and each one alone."""
         names = frozenset(source.name for source in self.sources)
         alone = (frozenset([source.name]) for source in self.sources)
@@ -212,7 +211,7 @@ def problem_of(
 
 def _shared(
     result: Identification, sources: Sequence[Source], mixing: Sequence[Mixing], redrawn: Collection[str]
-) -> dict[Name, Shared]:
+) -> dict[str, Shared]:
     return shared_sources(result, [source for source in sources if source.name not in redrawn], mixing)
 
 
@@ -268,7 +267,7 @@ def nodes_of(sources: Sequence[Source], *, slopes: bool = False) -> np.ndarray:
     return sigma * np.arange(-1, 2) if slopes and sigma > 0 else delay_nodes(mean, sigma)
 
 
-def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[Name, jax.Array]]:
+def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[str, jax.Array]]:
     """Return the errors that one trial draws, for each mounting; the first one's are what all others share."""
     draw = lambda key: draw_constants(problem.sources, problem.mixing, key, index, float)  # noqa: E731
     first, count = draw(key), len(problem.sums)
@@ -299,7 +298,7 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
     return normal, right
 
 
-def errors_of(problem: SystematicProblem, drawn: Mapping[Name, Array], cases: Sequence[frozenset[Name]]) -> Errors:
+def errors_of(problem: SystematicProblem, drawn: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
     """Return the errors that act in each case, with those of the centre of gravity that a source has made before."""
     errors = errors_of_cases(problem.sources, drawn, cases)
     for name, by_draw in problem.centre_by_draw.items():
@@ -309,7 +308,7 @@ def errors_of(problem: SystematicProblem, drawn: Mapping[Name, Array], cases: Se
 
 
 @partial(jax.jit, static_argnames="name")
-def _of_axes(problem: SystematicProblem, name: Name, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
+def _of_axes(problem: SystematicProblem, name: str, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
     """The tensor with each of some draws of one source."""
     nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}
 

@@ -224,8 +224,8 @@ def achieved(
     covered = min(run.t[-1] - run.t[0], lag + spec.duration) - max(0.0, lag)
     if covered < 0.98 * spec.duration:
         warnings.append(f"the run holds {covered:.4g} s of the plan's {spec.duration:g} s: the rest counts as rest")
-    trajectories = {name: measured, "plan": spec} if name != "plan" else {name: measured, "the plan": spec}
-    plan_name = list(trajectories)[1]
+    plan_name = "plan" if name != "plan" else "the plan"
+    trajectories = {name: measured, plan_name: spec}
     result = law(dataclasses.replace(experiment, trajectories=trajectories, document={}), None, estimator_spec.name)
     breakdown = result[name, estimator_spec.name]
     return Achieved(

@@ -23,7 +23,7 @@ from uq.motion_design.arm.mujoco_run import loaded_model
 from uq.motion_design.arm.predicted_payload import WrenchNoise, by_undeclared, declared_noise, promised
 from uq.motion_design.design_goal import GOALS, goal_of
 from uq.motion_design.search import check_options, optima
-from uq.progress_bar import Progress
+from uq.progress_bar import Progress, progress_of
 
 DURATION, PERIOD, RAMP, RANDOM = 60.0, 5.0, 2.0, 20
 """Least times of the run, of its repeats and of starting and stopping [s], and the number of random series that are
@@ -114,7 +114,7 @@ def design_arm(
     if experiment.limits is not None and np.isfinite(experiment.limits.figures.bandwidth):
         # before meshes are read and limits compiled
         periods(experiment.limits.figures.bandwidth, duration, period, ramp)
-    tell = progress or (lambda *_: None)
+    tell = progress_of(progress)
     arm = Arm.of(experiment)
     noise = declared_noise(experiment, arm.declared.rate)
     tell("common practice", 0, 1)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.reporting import Drawing, Section, section_of
+from identify.reporting import Section, section_of
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import exact, rounded, significant
 from identify.text_tables import Table
@@ -58,9 +58,7 @@ def notes(result: MonteCarloResult) -> list[str]:
     return [f"attention: {text}" for text in result.findings()]
 
 
-def drawings(result: MonteCarloResult) -> list[Drawing]:
-    """Return a figure of each trajectory and estimator."""
-    return breakdown_drawings(result)
+drawings = breakdown_drawings
 
 
 def section(result: MonteCarloResult) -> Section:

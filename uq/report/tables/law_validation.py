@@ -81,11 +81,8 @@ def beside(law: LawResult, result: MonteCarloResult) -> list[Table]:
         ours, theirs = law[trajectory, estimator].total, result[trajectory, estimator].total
         columns: list[list[str]] = []
         for name in ("mean_error", "three_sigma"):
-            by_law, by_trials, error = (
-                getattr(ours, name),
-                getattr(theirs, name),
-                getattr(theirs, f"{name}_standard_error"),
-            )
+            by_law, by_trials = getattr(ours, name), getattr(theirs, name)
+            error = getattr(theirs, f"{name}_standard_error")
             apart = np.divide(by_law - by_trials, error, out=np.zeros(6), where=error > 0)
             columns.append(list(map(rounded, GRAM_METRE * by_law, GRAM_METRE * error)))
             columns += [grams(by_trials, error), [fixed(value, 2) for value in apart]]
