@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -22,7 +23,6 @@ from identify.static.attitude_turn import attitude_turn
 from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import creeping
-from identify.static.pose_fit import Attitudes
 from identify.static.sampled_rows import sampled, turning
 from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import (
@@ -57,24 +57,32 @@ ALIGNED = "the axes of the attitude are the load cell's"
 """Assumption where no uncertainty of the attitude sensor's axes is declared."""
 
 
+class _Lean(NamedTuple):
+    """Specific force of each pose, which tells the body's attitude, and what measured it."""
+
+    specific_force: np.ndarray
+    """Specific force in B, (n, 3) [m/s²]."""
+    accelerometer: Accelerometer | None = None
+    """Offset and gain of the accelerometer that tells it; None: something else does."""
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class _Wrenches:
-    """Mean wrench on the body at Q and specific force of each pose, in B, and where they come from."""
+    """Mean wrench on the body at Q and specific force of each pose, in B, and where both come from."""
 
     force: np.ndarray
     moment: np.ndarray
-    specific_force: np.ndarray
+    lean: _Lean
     rig: DeclaredConventions
     sha256: str
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
-    attitudes: Attitudes
     used: np.ndarray
     """Poses that count, (n,)."""
     labels: tuple[str, ...]
     """Names of the poses in messages: ``pose 7``, and when it was held."""
-    sensed: bool
-    """Whether an accelerometer tells the attitude."""
     findings: tuple[str, ...] = ()
     """Contradictions of the declared attitudes by the forces, each with its cure."""
 
@@ -111,20 +119,24 @@ def centre_file(
         )
     of_file = _table_wrenches if Path(path).suffix.lower() in TABLES else _run_wrenches
     wrenches = _without(of_file(path, experiment, windows), without, name)
-    signals = wrenches.force, wrenches.moment, wrenches.specific_force
-    estimate = partial(centre, *signals, mass=experiment.scale, name=name, used=wrenches.used, labels=wrenches.labels)
+    force, moment, specific_force = wrenches.force, wrenches.moment, wrenches.lean.specific_force
+    estimate = partial(
+        centre, force, moment, specific_force, mass=experiment.scale, name=name, used=wrenches.used,
+        labels=wrenches.labels,
+    )  # fmt: skip
+    poses = experiment.poses or Poses()
+    attitudes = uncertain(specific_force, poses, wrenches.lean.accelerometer, wrenches.rig.imu_rotation)
     try:
-        plain = estimate(attitudes=wrenches.attitudes)
+        plain = estimate(attitudes=attitudes)
     except RunError as error:
         raise RunError("; ".join(wrenches.findings) or str(error)) from None
-    push = plain.mass * wrenches.specific_force
+    push = plain.mass * specific_force
     errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
-    attitudes = replace(wrenches.attitudes, wrench=errors)
-    result = estimate(attitudes=attitudes) if names else plain
+    result = estimate(attitudes=replace(attitudes, wrench=errors)) if names else plain
     result = centre_with_undeclared(
-        result, experiment, wrench=np.hstack(signals[:2]), specific_force=signals[2], sensed=wrenches.sensed
-    )
-    poses = experiment.poses or Poses()
+        result, experiment, wrench=np.hstack([force, moment]), specific_force=specific_force,
+        sensed=wrenches.lean.accelerometer is not None,
+    )  # fmt: skip
     aligned = () if poses.sigma_alignment > 0 else (ALIGNED,)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
@@ -154,7 +166,7 @@ def _without(wrenches: _Wrenches, numbers: Sequence[int], name: str) -> _Wrenche
 
 def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
     """Return the warning that the attitude sensor is turned by more than is declared."""
-    turn = attitude_turn(wrenches.force[wrenches.used], wrenches.specific_force[wrenches.used])
+    turn = attitude_turn(wrenches.force[wrenches.used], wrenches.lean.specific_force[wrenches.used])
     if turn is None or float(np.linalg.norm(turn.vector)) < 3 * poses.sigma_alignment:
         return ()
     cure = axes_text(turn.matrix @ wrenches.rig.imu_rotation)
@@ -187,7 +199,6 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         )
     of_body = None if to_rest is None else to_rest @ rig.imu_rotation.T
     force, moment = rig.wrench(bag.wrench, of_body if experiment.recording.turns_back else None)
-    warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     if sensed:
         readings = rig.scales["acceleration"] * attitude
@@ -215,15 +226,14 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         along = rig.wrench(bag.wrench)[0]
         judged = pose_findings(along, pose_readings(attitude, experiment, rig.imu_rotation, name), name)
         findings = tuple(f"suspicious {finding.topic}: {finding.text}" for finding in judged)
-    sensor, specific_force = None, experiment.gravity * readings
     if sensed:
-        specific_force, sensor, warnings, notes = _leaning(readings, poses, experiment.gravity)
-    turned = specific_force @ rig.imu_rotation.T
+        lean = _by_accelerometer(readings, experiment, rig.imu_rotation)
+    else:
+        lean = _Lean((experiment.gravity * readings) @ rig.imu_rotation.T)
     return _Wrenches(
-        force=force, moment=moment, specific_force=turned, rig=rig, sha256=bag.sha256, warnings=warnings, notes=notes,
-        attitudes=uncertain(turned, poses, sensor, rig.imu_rotation), used=np.ones(len(force), bool),
-        labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), sensed=sensed,
-        findings=findings,
+        force=force, moment=moment, lean=lean, rig=rig, sha256=bag.sha256, warnings=lean.warnings,
+        notes=(*lean.notes, *notes), used=np.ones(len(force), bool),
+        labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), findings=findings,
     )  # fmt: skip
 
 
@@ -236,14 +246,13 @@ def _by_joints(angles: np.ndarray, poses: Poses, recording: RecordingTable, name
     return turns.reshape(-1, 9), as_matrix
 
 
-def _leaning(
-    readings: np.ndarray, poses: Poses, gravity: float
-) -> tuple[np.ndarray, Accelerometer, tuple[str, ...], tuple[str, ...]]:
-    """Specific force, calibration, warnings and notes from an accelerometer's readings."""
-    specific_force, accelerometer, warnings = of_accelerometer(readings, poses, gravity)
+def _by_accelerometer(readings: np.ndarray, experiment: Experiment, to_body: np.ndarray) -> _Lean:
+    """Return the specific force by an accelerometer's readings along its own axes; ``to_body`` turns these into B's."""
+    poses = experiment.poses or Poses()
+    specific_force, accelerometer, warnings = of_accelerometer(readings, poses, experiment.gravity)
     offset = f"offset is {_vector(accelerometer.offset)} m/s²" if accelerometer.fitted else "offset is zero"
     note = f"the accelerometer's {offset}, its gain {accelerometer.gain:.4f}"
-    return specific_force, accelerometer, warnings, (note,)
+    return _Lean(specific_force @ to_body.T, accelerometer, warnings, (note,))
 
 
 def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
@@ -276,14 +285,13 @@ def _held(
             f"{used.sum()} poses in {run.name}{out}: hold three or more still for a second, tilted about two axes"
         )
     means = np.array([wrench[rest].mean(axis=0) for rest in rests])
-    specific_force, sensor, warnings, notes = _lean_of(recorded, rests, experiment, up)
+    lean = _lean(recorded, rests, experiment, up)
     seconds = sum(len(rest) for rest, counts in zip(rests, used, strict=True) if counts) / run.rate
     held = f"{used.sum()} still segments are its poses, {seconds:.1f} s in all"
     return _Wrenches(
-        force=means[:, :3], moment=means[:, 3:], specific_force=specific_force, rig=recorded.rig,
-        sha256=str(run.sha256), warnings=(*run.warnings, *left_out, *warnings), notes=(held, *notes),
-        attitudes=uncertain(specific_force, experiment.poses or Poses(), sensor, recorded.rig.imu_rotation),
-        used=used, labels=_labels(run, rests), sensed=sensor is not None,
+        force=means[:, :3], moment=means[:, 3:], lean=lean, rig=recorded.rig, sha256=str(run.sha256),
+        warnings=(*run.warnings, *left_out, *lean.warnings), notes=(held, *lean.notes),
+        used=used, labels=_labels(run, rests),
     )  # fmt: skip
 
 
@@ -292,18 +300,15 @@ def _labels(run: Run, rests: Sequence[np.ndarray]) -> tuple[str, ...]:
     return tuple(f"pose {number} ({start:.1f} to {stop:.1f} s)" for number, (start, stop) in spans)
 
 
-def _lean_of(
-    recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment, up: np.ndarray | None
-) -> tuple[np.ndarray, Accelerometer | None, tuple[str, ...], tuple[str, ...]]:
-    """Specific force of each pose in B, by what points up, or by the accelerometer: see :func:`_leaning`."""
+def _lean(recorded: Recorded, rests: Sequence[np.ndarray], experiment: Experiment, up: np.ndarray | None) -> _Lean:
+    """Return the specific force of each pose, by what points up, or by the accelerometer."""
     if up is not None:
         means = np.array([up[rest].mean(axis=0) for rest in rests])
-        return experiment.gravity * means / np.linalg.norm(means, axis=1, keepdims=True), None, (), ()
-    run, turn, poses = recorded.run, recorded.rig.imu_rotation, experiment.poses or Poses()
+        return _Lean(experiment.gravity * means / np.linalg.norm(means, axis=1, keepdims=True))
+    run, to_body = recorded.run, recorded.rig.imu_rotation
     assert run.specific_force is not None  # noqa: S101 - the callers have seen it
     means = np.array([run.specific_force[rest].mean(axis=0) for rest in rests])
-    sensed, sensor, warnings, notes = _leaning(means @ turn, poses, experiment.gravity)
-    return sensed @ turn.T, sensor, warnings, notes
+    return _by_accelerometer(means @ to_body, experiment, to_body)
 
 
 def _upwards(recording: RecordingTable) -> str:
@@ -363,6 +368,16 @@ def _vector(values: np.ndarray) -> str:
 OTHER = {"sensor_to_level": "level_to_sensor", "level_to_sensor": "sensor_to_level"}
 
 
+class _Choice(NamedTuple):
+    """One of the values that something may have in the reading of attitudes."""
+
+    value: Any
+    words: str = ""
+    """Difference from the reading that is declared; empty: there is none."""
+    key: str = ""
+    """The key that declares the value."""
+
+
 def pose_readings(
     values: np.ndarray, experiment: Experiment, to_body: np.ndarray, name: str
 ) -> tuple[PoseReading, ...]:
@@ -378,47 +393,48 @@ def pose_readings(
     assert poses is not None  # noqa: S101 - the table was read by it
     gravity = recording.gravity_of_poses(experiment.gravity)
     gravity = experiment.gravity / np.linalg.norm(gravity) * gravity
-    # of each choice: words, the key that declares it, the value; as declared first
+    # of each choice, what is declared comes first
     other = OTHER[str(poses.takes)]
-    directions = ("", "", str(poses.takes)), ("taken the other way", f'takes = "{other}" in [poses]', other)
-    downs = ("", "", gravity), ("with gravity along other axes", "urdf_gravity = [{gravity}] in [recording]", None)
-    at_rest = recording.turns_back
-    other_frame = (
-        ("with the wrench along axes that turn", 'wrench_frame = "sensor" in [recording]', False)
-        if at_rest
-        else ("with the wrench along axes at rest", 'wrench_frame = "base" in [recording]', True)
+    directions = [_Choice(str(poses.takes)), _Choice(other, "taken the other way", f'takes = "{other}" in [poses]')]
+    along = "urdf_gravity = [{gravity}] in [recording]"
+    downs = [_Choice(gravity), _Choice(None, "with gravity along other axes", along)]
+    turns, rests = (
+        _Choice(False, "with the wrench along axes that turn", 'wrench_frame = "sensor" in [recording]'),
+        _Choice(True, "with the wrench along axes at rest", 'wrench_frame = "base" in [recording]'),
     )
-    frames = ("", "", at_rest), other_frame
+    frames = (_Choice(True), turns) if recording.turns_back else (_Choice(False), rests)
     readings = []
     for order, direction, frame, down in product(_orders(poses), directions, frames, downs):
-        if frame[0] and direction[0]:  # the same as gravity along other axes, weight and zero swapped
+        if frame.words and direction.words:  # the same as gravity along other axes, weight and zero swapped
             continue
-        reading, columns = order[2]
+        reading, columns = order.value
         try:
-            to_rest = rotations(values[:, columns], msgspec.structs.replace(reading, takes=direction[2]), name)
+            to_rest = rotations(values[:, columns], msgspec.structs.replace(reading, takes=direction.value), name)
         except RunError:
             continue
-        changed = [(how, cure) for how, cure, _ in (order, direction, frame, down) if how]
+        changed = [choice for choice in (order, direction, frame, down) if choice.words]
         readings.append(
             PoseReading(
-                how=" and ".join(how for how, _ in changed), cure="set " + " and ".join(cure for _, cure in changed),
-                to_rest=to_rest @ to_body.T, at_rest=frame[2], gravity=down[2], changes=len(changed),
+                how=" and ".join(choice.words for choice in changed),
+                cure="set " + " and ".join(choice.key for choice in changed),
+                to_rest=to_rest @ to_body.T, at_rest=frame.value, gravity=down.value, changes=len(changed),
             )
         )  # fmt: skip
     return tuple(readings)
 
 
-def _orders(poses: Poses) -> Iterator[tuple[str, str, tuple[Poses, list[int]]]]:
-    """Orders of a quaternion's components, or conventions of angles, those declared first."""
+def _orders(poses: Poses) -> Iterator[_Choice]:
+    """Orders of a quaternion's components, or conventions of angles, those declared first: poses and their columns."""
     columns = poses.columns.names[str(poses.attitude)]
     declared = list(range(len(columns)))
-    yield "", "", (poses, declared)
+    yield _Choice((poses, declared))
     if poses.quaternion is not None:  # w stands first where others have it last
         for order in ([3, 0, 1, 2], [1, 2, 3, 0]):
             by_component = ", ".join(f'{name} = "{columns[k]}"' for name, k in zip("wxyz", order, strict=True))
             cure = f"quaternion = {{ {by_component} }} in [poses]"
-            yield "with the quaternion's components in another order", cure, (poses, order)
+            yield _Choice((poses, order), "with the quaternion's components in another order", cure)
     if poses.euler is not None:
         for axes in sorted({*CONVENTIONS.values(), "zyx"} - {str(poses.euler_convention)}):
             cure = f'euler_convention = "{axes}" in [poses]'
-            yield f"with angles about {axes}", cure, (msgspec.structs.replace(poses, euler_convention=axes), declared)
+            other = msgspec.structs.replace(poses, euler_convention=axes)
+            yield _Choice((other, declared), f"with angles about {axes}", cure)
