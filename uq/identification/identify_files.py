@@ -1,8 +1,9 @@
 """Identification of a body's tensor from its recorded runs: the function behind ``inertia identify``."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -39,7 +40,7 @@ from uq.inspection.experiment_findings import convention_warnings
 from uq.recorded.gravity_compensation import undo
 from uq.recorded.load_run import load
 from uq.recorded.measured_noise import noise_warnings
-from uq.recorded.time_window import TimeWindow, cut
+from uq.recorded.time_window import TimeWindow, cut, names_marks
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.source import KINDS, is_declared
 
@@ -92,19 +93,9 @@ def identify_files(
     check_count(mountings, len(paths))
     if offsets is not None:
         experiment = replace(experiment, recording=msgspec.structs.replace(experiment.recording, offsets=offsets))
-    declared_inputs, differing, prior = experiment.inputs(), tuple[str, ...](), None
-    if centre is not None:
-        prior = load_centre(centre)
-        check_declared(experiment, prior, "centre" if isinstance(centre, Centre) else Path(centre).name)
-        experiment, differing = with_centre_prior(experiment, prior)
-        declared_inputs |= {"centre": centre_provenance(centre, prior)}
-    elif experiment.scale is not None:
-        experiment = replace(experiment, mass=experiment.scale[0])
-    recording = experiment.recording
-    needs_centre = recording.zero == "loaded" or (recording.removes_weight and recording.payload_mass is None)
-    free = experiment.r_cg_from_q is None and (method or recording.method) == "joint" and not needs_centre
-    if free:
-        experiment = with_free_centre(experiment)
+    declared_inputs = experiment.inputs()
+    mass_and_centre = _declared_centre(experiment, method) if centre is None else _centre_of_poses(experiment, centre)
+    experiment, prior = mass_and_centre.experiment, mass_and_centre.prior
     if experiment.recording.zero_frame == "base" and method not in (None, "joint"):
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
@@ -131,17 +122,47 @@ def identify_files(
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
-    assumed = dict.fromkeys([*[FREE_CENTRE] * free, *(text for _, texts in prepared for text in texts)])
-    fixture_warnings = () if experiment.fixture is None else (WITH_FIXTURE,)
+    assumed = dict.fromkeys([*mass_and_centre.assumptions, *(text for _, texts in prepared for text in texts)])
+    on_body = (*([] if experiment.fixture is None else [WITH_FIXTURE]), *mass_and_centre.warnings)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     return replace(
         result,
-        warnings=(*fixture_warnings, *differing, *first, *then, *noisy, *cautions(experiment.report, inputs)),
+        warnings=(*on_body, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
         assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment, prior)),
-        provenance=provenance(**declared_inputs, inputs=inputs),
+        provenance=provenance(**declared_inputs, **mass_and_centre.provenance, inputs=inputs),
         datum=experiment.datum,
     )
+
+
+class _MassAndCentre(NamedTuple):
+    """The experiment with the mass and centre of gravity that count, and what is said of them."""
+
+    experiment: Experiment
+    prior: Centre | None = None
+    """The static poses that tell them; None: none do."""
+    warnings: tuple[str, ...] = ()
+    assumptions: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = {}
+
+
+def _centre_of_poses(experiment: Experiment, centre: str | Path | Centre) -> _MassAndCentre:
+    """Mass and centre of gravity as static poses say."""
+    prior = load_centre(centre)
+    check_declared(experiment, prior, "centre" if isinstance(centre, Centre) else Path(centre).name)
+    experiment, warnings = with_centre_prior(experiment, prior)
+    return _MassAndCentre(experiment, prior, warnings, provenance={"centre": centre_provenance(centre, prior)})
+
+
+def _declared_centre(experiment: Experiment, method: str | None) -> _MassAndCentre:
+    """Mass and centre of gravity as declared; the mass by the scale, a centre that is not declared by the motion."""
+    if experiment.scale is not None:
+        experiment = replace(experiment, mass=experiment.scale[0])
+    recording = experiment.recording
+    needed = recording.zero == "loaded" or (recording.removes_weight and recording.payload_mass is None)
+    if experiment.r_cg_from_q is None and (method or recording.method) == "joint" and not needed:
+        return _MassAndCentre(with_free_centre(experiment), assumptions=(FREE_CENTRE,))
+    return _MassAndCentre(experiment)
 
 
 def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[str]:
@@ -226,9 +247,8 @@ def _prepared(
 ) -> tuple[Run, tuple[str, ...]]:
     """The segments of a run that count, its weight put back, with its rest; and what is assumed."""
     recording = experiment.recording
-    marked = any(isinstance(limit, str) for window in windows or () for limit in window)
     band = None if spec is None else spec.band
-    recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=marked)
+    recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=names_marks(windows))
     chosen = cut(recorded.run, windows, recorded.marks)
     if spec is not None:
         check_rate(chosen, spec)

@@ -44,7 +44,7 @@ from uq.identification.undeclared import centre_with_undeclared
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.joint_kinematics import Chain
 from uq.recorded.load_run import Recorded, load
-from uq.recorded.time_window import TimeWindow, resolve
+from uq.recorded.time_window import TimeWindow, names_marks, resolve
 from uq.tables.table_samples import as_recording, silenced
 
 TABLES = (".csv", ".tsv", ".txt")
@@ -256,8 +256,7 @@ def _by_accelerometer(readings: np.ndarray, experiment: Experiment, to_body: np.
 
 
 def _run_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[TimeWindow]) -> _Wrenches:
-    marked = any(isinstance(limit, str) for window in windows for limit in window)
-    recorded = load(path, experiment.recording, gravity=experiment.gravity, band=SLOW, marks=marked)
+    recorded = load(path, experiment.recording, gravity=experiment.gravity, band=SLOW, marks=names_marks(windows))
     run = recorded.run
     if run.specific_force is not None:
         return _held(recorded, experiment, windows)

@@ -28,6 +28,11 @@ class TimeWindow(NamedTuple):
     stop: Limit | None = None
 
 
+def names_marks(windows: Sequence[TimeWindow] | None) -> bool:
+    """Whether some limit is the name of a mark."""
+    return any(isinstance(limit, str) for window in windows or () for limit in window)
+
+
 def limit(text: str) -> Limit:
     """Return what ``--from`` or ``--to`` means: seconds where it is a number, else the name of a mark."""
     try:
