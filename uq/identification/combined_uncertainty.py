@@ -12,6 +12,9 @@ from identify.estimators.pooling import Pooling
 from identify.results.identification_result import ESTIMATE, Identification
 from uq.sources.source import Source
 
+SEED = 0
+"""Seed of all draws of the declared sources' errors."""
+
 
 class Systematic(NamedTuple):
     """Errors of a pooled tensor from the systematic sources."""
@@ -45,16 +48,14 @@ def widened_by_sources(result: Identification, systematic: Systematic) -> Identi
     )
 
 
-def combined_interval(
-    together: Pooling, errors: Float[np.ndarray, "trials 6"], seed: int
-) -> tuple[np.ndarray, np.ndarray]:
+def combined_interval(together: Pooling, errors: Float[np.ndarray, "trials 6"]) -> tuple[np.ndarray, np.ndarray]:
     """Return the 2.5 % and 97.5 % quantiles of type A's and the sources' errors together [kg·m²].
 
     Type A's errors are quantiles of its t distribution at even probabilities, in random order, so that they
     add no sampling noise.
     """
     trials = len(errors)
-    rng = np.random.default_rng([seed, trials])
+    rng = np.random.default_rng([SEED, trials])
     even = (np.arange(trials) + 0.5) / trials
     type_a = [
         scale * scipy.special.stdtrit(freedom, rng.permutation(even))

@@ -36,6 +36,7 @@ from uq.identification.centre_errors import (
     with_shared_errors,
 )
 from uq.identification.combined_uncertainty import (
+    SEED,
     Systematic,
     budget_of,
     combined_diagnostics,
@@ -102,7 +103,6 @@ def with_declared_sources(
     *,
     redrawn: Collection[str] = (),
     trials: int = TRIALS,
-    seed: int = 0,
 ) -> Identification:
     """Return a result whose uncertainty holds the experiment's systematic sources, with its budget.
 
@@ -116,7 +116,6 @@ def with_declared_sources(
         experiment: its sources.
         redrawn: names of sources that each mounting draws independently, where the runs name their mountings.
         trials: draws of the errors.
-        seed: of the draws.
 
     Raises:
         ExperimentError: ``redrawn`` names no constant source, or not all that are correlated.
@@ -124,7 +123,7 @@ def with_declared_sources(
     """
     if result.seen is not None:
         return replace(result, warnings=(*result.warnings, UNDETERMINED))
-    systematic = propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials, seed=seed)
+    systematic = propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials)
     if systematic.failed:
         left_out = f"{systematic.failed:,} of {trials:,} draws of the declared sources leave no solution"
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
@@ -136,7 +135,7 @@ def with_declared_sources(
     if not systematic.sources:
         misfit = {} if result.misfit is None else {"model misfit": np.abs(result.misfit)}
         return replace(result, budget=budget_of(together, misfit))
-    low, high = combined_interval(together, systematic.common, seed)
+    low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)
     if "r_cg" in redrawn and len({run.mounting for run in runs}) > 1:  # each mounting has its own
         result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
@@ -155,19 +154,19 @@ def with_declared_sources(
         diagnostics={
             **result.diagnostics,
             **combined_diagnostics(together, covariance, source_covariance, (low, high)),
-            "declared_sources": {"trials": trials, "seed": seed},
+            "declared_sources": {"trials": trials, "seed": SEED},
         },
     )
     with_bias = covering_bias(with_sources, result.bias)
     return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
 
 
-def propagated(problem: SystematicProblem, *, trials: int = TRIALS, seed: int = 0) -> Systematic:
+def propagated(problem: SystematicProblem, *, trials: int = TRIALS) -> Systematic:
     """Return the errors that draws of a problem's constant sources make of its pooled tensor."""
     if not problem.sources:
         zero = np.zeros((trials, 6))
         return Systematic((), zero, zero, {})
-    tensors = all_trials(_trials, problem, trials, seed, batch=BATCH, segment=trials)
+    tensors = all_trials(_trials, problem, trials, SEED, batch=BATCH, segment=trials)
     errors, failed = finite_trials(tensors - np.linalg.solve(*equations(problem, [no_errors()] * len(problem.sums))))
     common, *others = np.moveaxis(errors, 1, 0)
     by_mounting = others.pop(0) if problem.redrawn else np.zeros_like(common)

@@ -117,7 +117,7 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
             largest_source=(None,) * 6, undeclared=nothing, undetermined=undetermined,
         )  # fmt: skip
     systematic = propagated(_problem(sums, fitted.inertia, experiment, sources_in(experiment)), trials=TRIALS)
-    low, high = combined_interval(together, systematic.common, 0)
+    low, high = combined_interval(together, systematic.common)
     ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
     return LiveEstimate(
         seconds=sums.seconds, inertia=fitted.inertia,
