@@ -205,10 +205,15 @@ def _result(
     good = np.isfinite(all_outputs).all(axis=(1, 2))
     average = _average(np.flatnonzero(good), points)
     effects = effects.averaged(average)
-    indices, evaluations = effects.indices(np.ones(all_outputs.shape[2])), all_outputs.shape[0] * all_outputs.shape[1]
-    off = closure(effects.variance, plain_variance(sample, average))
-    counts = (len(all_outputs), int(np.sum(~good)), evaluations)
-    return Sensitivity(names, *counts, *indices, *mean(effects.variance), *off, points)
+    trials, rows, outputs = all_outputs.shape
+    first, total, shapley = effects.indices(np.ones(outputs))
+    variance, variance_error = mean(effects.variance)
+    ratio, ratio_error = closure(effects.variance, plain_variance(sample, average))
+    return Sensitivity(
+        players=names, trials=trials, failed=int(np.sum(~good)), evaluations=trials * rows,
+        first=first, total=total, shapley=shapley, variance=variance, variance_standard_error=variance_error,
+        closure=ratio, closure_standard_error=ratio_error, points=points,
+    )  # fmt: skip
 
 
 def _average(numbers: np.ndarray, points: Points) -> Callable[[np.ndarray], np.ndarray]:

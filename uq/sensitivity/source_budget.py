@@ -180,14 +180,14 @@ def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
     size, g = len(twins.design.choices), len(twins.groups)
     none, alone, choices = good[:, 0], good[:, 1:-size], good[:, -size:]
     source_effects, group_effects = (twins.design.effects(choices, game) for game in (0, 1))
+    ratio, ratio_error = closure(source_effects.variance, plain_variance(choices))
     return SourceBudget(
-        _effects(twins.sources, source_effects, alone[:, g:]),
-        _effects(twins.groups, group_effects, alone[:, :g]),
-        none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
-        _mean_square(choices.mean(1), source_effects.variance),
-        *closure(source_effects.variance, plain_variance(choices)),
-        failed,
-    )
+        sources=_effects(twins.sources, source_effects, alone[:, g:]),
+        groups=_effects(twins.groups, group_effects, alone[:, :g]),
+        without=none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
+        mean_square=_mean_square(choices.mean(1), source_effects.variance),
+        closure=ratio, closure_standard_error=ratio_error, failed=failed,
+    )  # fmt: skip
 
 
 def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray) -> Effects:
