@@ -136,16 +136,8 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         print(_overview())
         return 0 if argv else 2
     name, rest = argv[0], argv[1:]
-    if name not in COMMANDS:
-        complain(f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}")
-        return 2
-    if strange := [text for text in rest if not _is_unicode(text)]:
-        complain(f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1")
-        return 2
-    limit = _memory_limit()
-    if name not in WITHOUT_JAX and limit is not None and limit < LEAST_MEMORY:
-        allowed = f"{limit / 2**30:.2g} GiB"
-        complain(f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more")
+    if refusal := _refusal(name, rest):
+        complain(refusal)
         return 2
     if "--distributed" in rest and by_itself:
         status = divide()
@@ -178,6 +170,19 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
         if by_itself:  # Python's end would look for circles among objects that end with it (0.4 s)
             gc.freeze()
     return 2
+
+
+def _refusal(name: str, rest: list[str]) -> str | None:
+    """Say why a command cannot start, whatever its own options mean."""
+    if name not in COMMANDS:
+        return f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}"
+    if strange := [text for text in rest if not _is_unicode(text)]:
+        return f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1"
+    limit = _memory_limit()
+    if name not in WITHOUT_JAX and limit is not None and limit < LEAST_MEMORY:
+        allowed = f"{limit / 2**30:.2g} GiB"
+        return f"this process may have {allowed} of memory: raise the limit (ulimit -v) to 2 GiB or more"
+    return None
 
 
 def _other_identify() -> str | None:
