@@ -224,36 +224,16 @@ def _of_joints(
     for unit, si in (("angular_velocity_unit", "rad/s"), ("acceleration_unit", "m/s²")):
         if getattr(declared, unit) is not None:
             raise RunError(f"{name} holds joint states: remove recording.{unit}, theirs is {si}")
-    position, velocity = np.asarray(source.position), np.asarray(source.velocity)
-    for what, values in (("position", position), ("velocity", velocity)):
-        if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
-            raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
-    columns = [k for _, k in chain.joints]
-    complete, position = _complete(position, columns, instants, name)
-    if velocity.shape[1]:
-        measured = complete & np.isfinite(velocity[:, columns]).all(axis=1)
-        if gravity is None and measured.sum() > 1 and velocity[measured][:, columns].any():
-            complete = measured
-        else:
-            velocity = velocity[:, :0]  # they are not used, or the driver does not measure them
-    source, instants = source.taken(complete), instants[complete]
-    position, velocity = position[complete], velocity[complete]
-    chain.check_limits(position, name)
-    position, unwrapped = chain.unwrapped(position)
-    if velocity.shape[1]:
-        chain.check_velocities((instants - instants[0]) / NANOSECONDS, position, velocity, name)
+    joints = _joint_states(source, chain, instants, name, by_positions=gravity is not None)
+    source, instants, position, velocity = joints.source, joints.instants, joints.position, joints.velocity
     attitude = RecordedAttitude.of(instants, chain.attitude(position))
     notes: tuple[str, ...] = (
         f"the base of the robot rests; {source.topic} moves frame {quoted(declared.urdf_frame)} of {declared.urdf}",
         *chain.notes,
-        *unwrapped,
+        *joints.notes,
+        *([UNJUDGED] if gravity is None else []),
     )
-    if not complete.all():
-        left_out = int((~complete).sum())
-        notes = (*notes, f"{left_out:,} messages of {source.topic} without all its joints are left out")
-    if gravity is None:
-        notes = (*notes, UNJUDGED)
-    if velocity.shape[1]:
+    if velocity is not None:
         white = (f"the noise of the velocities in {source.topic} is white",)
         omega = chain.angular_velocity(position, velocity)
         return RecordedMotion(_channel(source, omega), notes=(*notes, *white), attitude=attitude)
@@ -273,6 +253,42 @@ def _of_joints(
     if gravity is not None:
         notes = (*notes, *_gravity_note("joints' positions", gravity))
     return replace(differentiated, notes=(*notes, *differentiated.notes), attitude=attitude, gravity=gravity)
+
+
+class _JointStates(NamedTuple):
+    """The messages with all joints that are used."""
+
+    source: MotionChannel
+    instants: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray | None
+    """Velocities of the joints; None: the positions tell them."""
+    notes: tuple[str, ...]
+
+
+def _joint_states(
+    source: MotionChannel, chain: Chain, instants: np.ndarray, name: str, *, by_positions: bool
+) -> _JointStates:
+    """The messages with all joints that are used, their angles without jumps; by_positions: velocities are not used."""
+    position, velocity = np.asarray(source.position), np.asarray(source.velocity)
+    for what, values in (("position", position), ("velocity", velocity)):
+        if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
+            raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
+    columns = [k for _, k in chain.joints]
+    complete, position = _complete(position, columns, instants, name)
+    measured = np.zeros(len(velocity), bool)
+    if velocity.shape[1] and not by_positions:
+        measured = complete & np.isfinite(velocity[:, columns]).all(axis=1)
+    measures = measured.sum() > 1 and velocity[measured][:, columns].any()  # a driver may write zeros
+    used = measured if measures else complete
+    chain.check_limits(position[used], name)
+    angles, notes = chain.unwrapped(position[used])
+    if measures:
+        chain.check_velocities((instants[used] - instants[used][0]) / NANOSECONDS, angles, velocity[used], name)
+    if not used.all():
+        left_out = int((~used).sum())
+        notes = (*notes, f"{left_out:,} messages of {source.topic} without all its joints are left out")
+    return _JointStates(source.taken(used), instants[used], angles, velocity[used] if measures else None, notes)
 
 
 def _complete(
