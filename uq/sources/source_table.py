@@ -297,8 +297,10 @@ def _entry(written: WrittenSource, folder: Path) -> SourceEntry:
     if kind.constant or kind.white:
         width = width_of(table, kind, table.target, folder)
     settings = kind.settings({key: getattr(table, key) for key in kind.keys(table.target)})
-    identity = (table.name, table.target, kind.name, table.group)
-    source = Source(*identity, width.sigma, table.reference, width.mean, width.shape, settings)
+    source = Source(
+        name=table.name, target=table.target, kind=kind.name, group=table.group, reference=table.reference,
+        sigma=width.sigma, mean=width.mean, shape=width.shape, settings=settings,
+    )  # fmt: skip
     if table.group == "total":
         raise WrongKeyError("group", "write another name", "is 'total', which means all sources")
     correlation = getattr(table, "correlation", None)

@@ -36,9 +36,11 @@ def largest_size(
     Raises:
         ExperimentError: no size does; the limit, the joint and the instant are named.
     """
-    size, worst = 1.0, str(peaks[0]) if (peaks := limits.peaks_of(motion_at(1.0), t))[0].share > 1 else ""
     met = lambda size: limits.peaks_of(motion_at(size), t)[0].share <= 1  # noqa: E731
-    if worst:  # what keeps links apart at one size need not at a smaller one: sizes near the full one come first
+    size, worst, most_used = 1.0, "", limits.peaks_of(motion_at(1.0), t)[0]
+    if most_used.share > 1:
+        worst = str(most_used)
+        # what keeps links apart at one size need not at a smaller one: sizes near the full one come first
         near = next((k for k, size in enumerate(NEAR) if met(size)), None)
         size = bisected(met, HALVINGS) if near is None else bisected(met, CLOSE, NEAR[near], (1.0, *NEAR)[near])
     for _ in range(LOOKS):

@@ -76,7 +76,7 @@ def _carried_at_home(experiment: Experiment, limits: Limits) -> None:
 def efforts(experiment: Experiment, spec: TrajectorySpec, rate: float) -> Effort:
     """Return what a trajectory asks for over its whole run, at instants of a rate [Hz], both ends included."""
     t = instants(spec, rate)
-    filled = np.append(t, np.full(-len(t) % PIECE, t[-1]))
+    filled = np.append(t, np.full(-len(t) % PIECE, t[-1]))  # so that the motion, too, is compiled once for many runs
     motion = motion_at(experiment, spec, filled)
     asked: Effort = in_pieces(partial(effort_of, experiment), motion, PIECE)
     return jax.tree.map(lambda x: x[: len(t)], asked)
