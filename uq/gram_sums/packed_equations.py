@@ -25,7 +25,10 @@ RIGHT = np.eye(6, 27, 21)
 
 
 def expected_by_axes(gram: Float[ArrayT, "*n 13 13"], noise: NoiseExpectation) -> Float[ArrayT, "*n 6 21"]:
-    """Return :func:`sums_by_axes` as expected under the gyro's noise, any number of sums on leading axes."""
+    """Return :func:`uq.gram_sums.case_equations.sums_by_axes` as expected under the gyro's noise.
+
+    Any number of sums may lead.
+    """
     lower = gram[..., 4 + LOWER9[:, 0], 4 + LOWER9[:, 1]] + gram[..., 0] @ noise.gram.T
     return (lower @ WEIGHTS.T).reshape(*gram.shape[:-2], len(AXES), 21)
 

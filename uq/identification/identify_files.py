@@ -83,8 +83,8 @@ def identify_files(
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
     Raises:
-        ExperimentError, RigError, RunError: see :func:`load_run`, :func:`uq.recorded.time_window.resolve`,
-            :func:`uq.recorded.gravity_compensation.undo`, :func:`labelled`,
+        ExperimentError, RigError, RunError: see :func:`uq.recorded.load_run.load_run`,
+            :func:`uq.recorded.time_window.resolve`, :func:`uq.recorded.gravity_compensation.undo`, :func:`labelled`,
             :func:`identify.identify` and :func:`uq.identification.systematic_errors.with_declared_sources`.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)

@@ -55,7 +55,7 @@ class PosePlan(Result):
     length: Float[np.ndarray, "n 6"]
     """Lengths of the legs [m]."""
     covariance: Float[np.ndarray, "10 10"]
-    """Predicted, of the ten parameters in the order of :data:`identify.static.centre.PARAMETERS`."""
+    """Predicted, of the ten parameters in the order of :data:`identify.static.centre_result.PARAMETERS`."""
     naive: Float[np.ndarray, "10 10"]
     """Covariance of as many poses that are level or lean along ±x and ±y, by the tilt that all four directions
     allow."""
