@@ -11,6 +11,7 @@ from identify.signals.power_spectrum import motion_band
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import declared_sigma
+from uq.sources.source import SIGNALS, signal_variance
 
 UNKNOWN_MASS = 1e3
 """Standard uncertainty of a mass that nothing is known of [kg]."""
@@ -54,19 +55,15 @@ def bound(
         sigma_rotation=_by_axis(declared_sigma(experiment.sources, "gyro_misalignment")),
         sigma_gyro_bias=_by_axis(declared_sigma(experiment.sources, "gyro_bias")),
     )
+    white = [source for source in experiment.sources if source.white]
+    force, moment, omega = (np.sqrt(signal_variance(white, signal)) for signal in range(len(SIGNALS)))
     return cramer_rao_bound.bound(
         run, experiment.body, band=motion_band(run.omega, run.rate) if band is None else band,
-        noise=np.concatenate([_noise(experiment, 0), _noise(experiment, 1)]),
-        gyro_noise=_noise(experiment, 2), static_covariance=np.diag(static**2), alignment=alignment,
-        specific_force=specific_force or ("still" if spec.still == "cg" else "none"), gravity=experiment.gravity,
+        noise=np.concatenate([force, moment]), gyro_noise=omega,
+        static_covariance=np.diag(static**2), alignment=alignment, gravity=experiment.gravity,
+        specific_force=specific_force or ("still" if spec.still == "cg" else "none"),
         sigma_still=declared_sigma(experiment.sources, "r_cg_from_omb"),
     )  # fmt: skip
-
-
-def _noise(experiment: Experiment, signal: int) -> np.ndarray:
-    """Standard deviation of the white noise of force (0), moment (1) or angular velocity (2), on each axis."""
-    white = [source for source in experiment.sources if source.white and source.signal == signal]
-    return np.sqrt(sum((source.error_kind.added_variance(source) for source in white), np.zeros(3)))
 
 
 def _by_axis(sigma: np.ndarray) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ from identify.rounding import significant
 from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
 from uq.sources.draws import Mixing
-from uq.sources.source import SignalRange, Source
+from uq.sources.source import SignalRange, Source, signal_variance
 
 LONGEST = 140
 """Most characters of sources and options that a message gives in full."""
@@ -55,9 +55,7 @@ def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: P
         mixing: which are correlated.
         peaks: how far the noise-free signals go.
     """
-    added = [(source.signal, source.error_kind.added_variance(source)) for source in sources]
-    variance = {signal: np.sum([term for other, term in added if other == signal], axis=0) for signal, _ in added}
-    reasons = {source.name: _reason(source, variance[source.signal], mixing, peaks) for source in sources}
+    reasons = {source.name: _reason(source, sources, mixing, peaks) for source in sources}
     return {name: reason for name, reason in reasons.items() if reason}
 
 
@@ -80,7 +78,7 @@ def check_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks)
         raise BeyondLawError(reasons)
 
 
-def _reason(source: Source, added: np.ndarray, mixing: Sequence[Mixing], peaks: Peaks) -> str | None:
+def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> str | None:
     if source.constant and not np.all(np.isfinite(np.asarray(source.standard_deviation, float))):
         return "has no finite standard deviation (state more than two degrees of freedom)"
     if source.signal is None:
@@ -89,7 +87,7 @@ def _reason(source: Source, added: np.ndarray, mixing: Sequence[Mixing], peaks: 
     signal = SignalRange(
         peaks.largest[source.target],
         peaks.moves[source.target],
-        added,
+        signal_variance(sources, source.signal),
         any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
     )
     return source.error_kind.beyond_the_law(source, signal)

@@ -351,6 +351,11 @@ def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]
     return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
 
 
+def signal_variance(sources: Iterable[Source], signal: int | None) -> Float[np.ndarray, "3"]:
+    """Return the variance that sources add to a signal, an index in :data:`SIGNALS`, whatever the motion."""
+    return sum((s.error_kind.added_variance(s) for s in sources if s.signal == signal), np.zeros(3))
+
+
 def part_of(unit: str) -> float:
     """Return how many of the SI unit one of ``unit`` is: what is written in per cent counts as parts of one."""
     return 0.01 if unit == "%" else 1.0

@@ -33,7 +33,7 @@ from uq.gram_sums.packed_equations import (
 from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise
-from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source
+from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source, signal_variance
 from uq.trials.engine import Engine, Estimates, TrialSetting
 from uq.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.trials.sums_engine import quasi_random
@@ -166,7 +166,7 @@ def _beside(
     variances = [variance for s in noise if (variance := s.error_kind.white_variance(s, run.rate)) is not None]
     white = np.sqrt(sum(variances, np.zeros(3)))
     same_kind = sum(other.error_kind is source.error_kind for other in others)
-    spread = np.sqrt(sum((other.error_kind.added_variance(other) for other in others), np.zeros(3)))
+    spread = np.sqrt(signal_variance(others, source.signal))
     reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
     return Beside(white, same_kind, run.remainder, reach)
 
