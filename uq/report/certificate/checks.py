@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-import jax.numpy as jnp
 import numpy as np
 
 from identify.results.identification_result import Identification
 from identify.results.undeclared import LARGEST_SHARE
+from identify.rigid_body.inertia import GRAM_METRE
 from identify.rigid_body.principal_axes import principal
 from identify.rounding import fixed, significant
 
@@ -53,9 +53,9 @@ def _row(what: str, value: float, sign: str, limit: float) -> list[str]:
 
 def _admissible(result: Identification) -> list[str]:
     """Positive moments and the triangle inequality, in units of what the uncertainty allows."""
-    moments, _ = principal(jnp.asarray(result.inertia))
-    margin = 1e3 * float(jnp.minimum(moments[0], moments[0] + moments[1] - moments[2]))
-    slack = 2e3 * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
+    moments, _ = principal(np.asarray(result.inertia))
+    margin = GRAM_METRE * float(min(moments[0], moments[0] + moments[1] - moments[2]))
+    slack = 2 * GRAM_METRE * float(np.sqrt(np.nan_to_num(np.trace(result.covariance))))
     what = "a mass distribution has this tensor: least margin of moments and triangle inequality, g·m²"
     return [what, fixed(margin, 2), f"≥ {fixed(-slack, 2)}", _verdict(margin >= -slack)]
 
