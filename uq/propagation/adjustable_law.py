@@ -97,11 +97,8 @@ def parts_of(
     n = len(sources)
     gyro, expected = inputs.gyro[:n].sum(axis=0), constants.errors @ constants.mean
     quiet = run.expansion(expected, np.zeros(3), constants.errors)
-    by_level = [
-        _at(run=run, constants=constants, inputs=inputs, n=n, expected=expected, variance=level * gyro, quiet=quiet)
-        for level in levels
-    ]
-    first, second, mean, variance, shift = (np.stack(part, axis=1) for part in zip(*by_level, strict=True))
+    by_level = [_alone(run, constants, inputs, n, expected, level * gyro) for level in levels]
+    effects = _Alone(*(np.stack(part, axis=1) for part in zip(*by_level, strict=True)))
     nominal = run.body.inertia
     means = (inputs.acts[:n] * constants.mean) @ quiet.jacobian.swapaxes(-1, -2)
     share = inputs.gyro[:n].sum(axis=1) / (gyro.sum() or 1.0)
@@ -109,16 +106,27 @@ def parts_of(
     rest = quiet.value - nominal - means.sum(axis=1)
     level = levels[:, None]
     return Parts(
-        first=first, second=second, mean=mean, gyro=share, gyro_variance=variance / level, gyro_mean=shift / level,
+        first=effects.first, second=effects.second, mean=effects.mean, gyro=share,
+        gyro_variance=effects.gyro_variance / level, gyro_mean=(effects.gyro_value - quiet.value[:, None]) / level,
         expected=means, rest=rest, joint=joint,
     )  # fmt: skip
 
 
-def _at(
-    run: PreparedRun, constants: Constants, inputs: CaseInputs, n: int, expected: np.ndarray, variance: np.ndarray,
-    quiet: Expansion,
-) -> tuple[np.ndarray, ...]:  # fmt: skip
-    """First order, second order and mean of n sources, then variance and mean by the gyro's noise, at one level."""
+class _Alone(NamedTuple):
+    """Effects of each source alone, and of the gyro's noise, at one level of that noise."""
+
+    first: np.ndarray
+    second: np.ndarray
+    mean: np.ndarray
+    gyro_variance: np.ndarray
+    gyro_value: np.ndarray
+    """The estimate with this noise alone."""
+
+
+def _alone(
+    run: PreparedRun, constants: Constants, inputs: CaseInputs, n: int, expected: np.ndarray, variance: np.ndarray
+) -> _Alone:
+    """Return the effects of the first n cases, in which a source acts alone, where the gyro's noise has a variance."""
     expansion, noise = run.expansion(expected, variance, constants.errors), run.scatter(variance)
     about = Expansion(*(leaf[:, None] for leaf in expansion))
     covariance = constants.covariance(inputs.acts)[:n]
@@ -129,14 +137,11 @@ def _at(
     together = propagate_case(about, covariance, cell + scatter)
     crossed = _diagonal(together.covariance - constants_alone.covariance - gyro_alone.covariance)
     first = _diagonal(constants_alone.first_order)
-    value = about.value
-    return (
-        first + crossed,
-        _diagonal(constants_alone.covariance) - first,
-        constants_alone.mean - value,
-        _diagonal(gyro_alone.covariance)[:, 0],
-        gyro_alone.mean[:, 0] - quiet.value,
-    )
+    return _Alone(
+        first=first + crossed, second=_diagonal(constants_alone.covariance) - first,
+        mean=constants_alone.mean - about.value, gyro_variance=_diagonal(gyro_alone.covariance)[:, 0],
+        gyro_value=gyro_alone.mean[:, 0],
+    )  # fmt: skip
 
 
 def _joint(
