@@ -264,8 +264,10 @@ def _against_reference(report: DesignReport, name: str, objective: str) -> list[
 
 
 def _averages_in_words(report: DesignReport, objective: str) -> str:
-    cells = _against_reference(report, NAME, objective)
-    return " and ".join(f"of the {goal} {cells[2 * k]} g·m² ({cells[2 * k + 1]} %)" for k, goal in enumerate(BOTH))
+    averages, base = report.averages(NAME, objective), report.averages("reference", objective)
+    return " and ".join(
+        f"of the {goal} {_figure(averages[goal])} g·m² ({_change(averages[goal], base[goal])} %)" for goal in BOTH
+    )
 
 
 def _bound_in_words(report: DesignReport) -> list[str]:

@@ -82,15 +82,15 @@ def section(plan: MeasurementPlan) -> Section:
 
 def worth_tables(worth: SensorWorth) -> list[Table]:
     """Return what halving each source's sigma does, most worth first: averages, their changes, derivatives."""
-    now = {goal: average(worth.three_sigma, goal) for goal in BOTH}
     head = ["sigma halved", "moments, g·m²", "change, %", "products, g·m²", "change, %", *COMPONENTS]
-    rows = [["none", *(cell for goal in BOTH for cell in (significant(GRAM_METRE * now[goal]), "")),
-             *("" for _ in COMPONENTS)]]  # fmt: skip
+    none, changes = ["none"], worth.changes()
+    for goal in BOTH:
+        none += [significant(GRAM_METRE * average(worth.three_sigma, goal)), ""]
+    rows = [[*none, *("" for _ in COMPONENTS)]]
     for k in worth.by_worth:
         cells = [worth.sources[k].replace("_", " ")]
-        for goal in BOTH:
-            then = average(worth.halved[k], goal)
-            cells += [significant(GRAM_METRE * then), signed_tenth(100 * (then / now[goal] - 1))]
+        for goal, change in zip(BOTH, changes[k], strict=True):
+            cells += [significant(GRAM_METRE * average(worth.halved[k], goal)), signed_tenth(100 * change)]
         rows.append([*cells, *(fixed(value, 3) for value in worth.derivative[k])])
     return [Table("", head, rows)]
 
