@@ -18,8 +18,8 @@ from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
 from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.exceptions import RigError
-from rig.mcap import cdr, message_definitions
-from rig.mcap.message_definitions import MOTIONS, WRENCHES
+from rig.mcap import cdr
+from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
 from rig.mcap.records import seal
 from rig.mcap.writer import Compression, new_writer, register
 
@@ -46,7 +46,7 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
         RigError: the file is no recording, cut or damaged; a topic is missing, empty, not unique or of another type.
         OSError: the file cannot be opened.
     """
-    return _read(path, wrench, imu, (message_definitions.WRENCH,), (message_definitions.IMU,))
+    return _read(path, wrench, imu, (WRENCH,), (IMU,))
 
 
 def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
@@ -108,17 +108,18 @@ def write(
         writer = new_writer(stream, compression=compression)
         for name, record in (metadata or {}).items():
             writer.add_metadata(name, seal(name, record))
-        ids = [register(writer, _type(channel), channel.topic) for channel in channels]
+        ids = [register(writer, message_type(channel), channel.topic) for channel in channels]
         streams = [_messages(channel, number) for channel, number in zip(channels, ids, strict=True)]
         for log_time, number, data, stamp, sequence in heapq.merge(*streams, key=itemgetter(0)):
             writer.add_message(number, log_time, data, stamp, sequence)
         writer.finish()
 
 
-def _type(channel: WrittenChannel) -> str:
+def message_type(channel: WrittenChannel) -> str:
+    """Return the type of a channel's messages."""
     if isinstance(channel, MotionChannel):
         return channel.type
-    return message_definitions.WRENCH if isinstance(channel, WrenchChannel) else message_definitions.IMU
+    return WRENCH if isinstance(channel, WrenchChannel) else IMU
 
 
 def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
@@ -141,7 +142,7 @@ def _check_lengths(channel: WrittenChannel) -> None:
 def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
     oriented = isinstance(channel, ImuChannel) and channel.orientation is not None
-    encode = cdr.encoder(_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
+    encode = cdr.encoder(message_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

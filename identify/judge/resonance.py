@@ -94,7 +94,7 @@ def resonance(run: Run, band: float) -> ResonancePeak | None:
         run: the run.
         band: highest frequency of the motion [Hz].
     """
-    longest = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
+    longest = run.longest_segment
     size = round(SEGMENT * run.rate)
     if longest.stop - longest.start < (FEWEST + 1) * size / 2:
         return None

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack, unpack
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, rotate
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant, with_uncertainty
 from identify.text_tables import enumerated
@@ -79,8 +78,7 @@ def turn_warnings(rotation: Aligned, inertia: np.ndarray, half_width: np.ndarray
     """
     if not rotation.estimated or not (np.abs(rotation.value) > SIGNIFICANT * rotation.standard_uncertainty).any():
         return []
-    turn = np.asarray(exponential(jnp.asarray(-rotation.value)))
-    other = np.asarray(pack(jnp.asarray(turn @ np.asarray(unpack(jnp.asarray(inertia))) @ turn.T))) - inertia
+    other = rotate(inertia, exponential(-rotation.value)) - inertia
     worst = int(np.argmax(np.abs(other) / np.maximum(half_width, 1e-300)))
     if abs(other[worst]) <= half_width[worst]:
         return []

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -261,23 +260,7 @@ class Identification(Result):
                 "about": "CG",
                 **offsets_content(self.runs, self.measured.standard_uncertainty[1:4], self.measured.r_cg),
             },
-            "runs": [
-                {
-                    "file": run.file,
-                    "sha256": run.sha256,
-                    "inertia": by_component(run.inertia) if run.alone else None,
-                    "standard_uncertainty": by_component(run.standard_uncertainty) if run.alone else None,
-                    "samples": run.samples,
-                    "rate": run.rate,
-                    "residual": run.residual.tolist(),
-                    "correlation_time": run.correlation_time,
-                    "mounting": run.mounting,
-                    "parts": [list(segment) for segment in run.segments],
-                    "parts_found": run.detected,
-                    "left_out": dict(run.left_out),
-                }
-                for run in self.runs
-            ],
+            "runs": [run.to_dict() for run in self.runs],
             "pooling": None if self.pooling is None else self.pooling.to_dict(),
             "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": None if self.budget is None else {n: by_component(u) for n, u in self.budget.items()},
@@ -302,8 +285,8 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
     """The rotation matrix, and how its rotation vector was estimated."""
     if rotation is None:
         return {"value": np.eye(3).tolist(), "estimated": False}
-    matrix = np.asarray(exponential(jnp.asarray(rotation.value)))
-    return rotation.to_dict() | {"value": matrix.tolist(), "rotation_vector": rotation.value.tolist()}
+    matrix, vector = exponential(rotation.value).tolist(), rotation.value.tolist()
+    return rotation.to_dict() | {"value": matrix, "rotation_vector": vector}
 
 
 def _centre_ends(wide: Identification | None) -> np.ndarray | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.estimators.offsets import Offsets, force_offset, uncertainty
 from identify.estimators.run_information import Information
+from identify.rigid_body.inertial_parameters import by_component
 from identify.sums.residual_spectrum import Trace
 
 
@@ -50,6 +51,23 @@ class RunEstimate:
     """Residuals and motion, for figures; None: absent."""
     weighed: np.ndarray | None = None
     """Rows that the equations were made with; see :class:`identify.estimators.run_information.Information`."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what result.json says of it, in SI."""
+        return {
+            "file": self.file,
+            "sha256": self.sha256,
+            "inertia": by_component(self.inertia) if self.alone else None,
+            "standard_uncertainty": by_component(self.standard_uncertainty) if self.alone else None,
+            "samples": self.samples,
+            "rate": self.rate,
+            "residual": self.residual.tolist(),
+            "correlation_time": self.correlation_time,
+            "mounting": self.mounting,
+            "parts": [list(segment) for segment in self.segments],
+            "parts_found": self.detected,
+            "left_out": dict(self.left_out),
+        }
 
     def __repr__(self) -> str:
         return f"RunEstimate({self.file!r}: {self.samples:,} samples, {self.rate:.6g} Hz)"

@@ -115,8 +115,8 @@ class Run:
 
     @property
     def longest_segment(self) -> slice:
-        """The longest segment in which every sample may be used."""
-        return max(self.used(), key=lambda segment: segment.stop - segment.start)
+        """The longest segment in which every sample may be used; an empty one where none may."""
+        return max(self.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
 
     @cached_property
     def band(self) -> float:

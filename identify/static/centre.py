@@ -16,10 +16,11 @@ from identify.exceptions import RunError
 from identify.rigid_body.regressor import cross_matrices
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import refuse_excess
+from identify.static import pose_fit
 from identify.static.centre_result import Centre
 from identify.static.creep import Creep, creep
 from identify.static.gain_check import GainCheck, gain_check
-from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, PoseSignals, fit, predicted_fit
+from identify.static.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, PoseSignals, fit
 from identify.static.pose_outliers import Outlier, outliers
 
 LEAST_TILT = 0.02
@@ -91,7 +92,7 @@ def centre(
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:
         solution = fit(signals, attitudes, counted, mass=mass, memory=memory)
-    values, jacobian = _parameters(solution)
+    values, jacobian = _parameters(solution.values)
     covariance, lasting = jacobian @ solution.covariance @ jacobian.T, jacobian @ solution.lasting
     by_wrench = np.zeros((LINEAR, *f.shape[:1], 6))
     by_wrench[:, counted] = np.einsum("pq,qnc->pnc", jacobian, solution.gain)
@@ -152,9 +153,9 @@ def predicted_covariance(
     """
     values = np.zeros(LINEAR)
     values[0], values[4:7] = mass, mass * np.asarray(r_cg, float)
-    solution = predicted_fit(values, np.asarray(specific_force, float), np.asarray(scatter, float), attitudes)
-    _, jacobian = _parameters(solution)
-    return jacobian @ solution.covariance @ jacobian.T
+    arrays = np.asarray(specific_force, float), np.asarray(scatter, float)
+    _, jacobian = _parameters(values)
+    return jacobian @ pose_fit.predicted_covariance(values, *arrays, attitudes) @ jacobian.T
 
 
 def _checked(solution: PoseFit, mass: tuple[float, float]) -> GainCheck:
@@ -222,11 +223,11 @@ def _check_poses(f: np.ndarray, name: str) -> None:
         )
 
 
-def _parameters(solution: PoseFit) -> tuple[np.ndarray, np.ndarray]:
+def _parameters(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The ten parameters, and their derivatives with respect to (m, F0, m r, M0)."""
-    mass, r_cg = solution.values[0], solution.values[4:7] / solution.values[0]
+    mass, r_cg = linear[0], linear[4:7] / linear[0]
     jacobian = np.eye(10)[list(ORDER)]
     jacobian[1:4] /= mass
     jacobian[1:4, 0] = -r_cg / mass
-    values = np.concatenate([[mass], r_cg, solution.values[1:4], solution.values[7:]])
+    values = np.concatenate([[mass], r_cg, linear[1:4], linear[7:]])
     return values, jacobian

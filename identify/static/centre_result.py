@@ -64,7 +64,6 @@ class Centre(Result):
     """Derivative of the ten by the wrench of each pose (10, n, 6); None: read from a file, which does not hold it."""
     file_name = "centre.json"
     kind = "inertia centre"
-    """The file that holds it."""
 
     @property
     def values(self) -> np.ndarray:

@@ -6,7 +6,7 @@ at once: the estimate's covariance is ``Σ G_i W G_iᵀ`` over the poses, G the 
 to all poses do not show in the residuals and come on top.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -62,17 +62,17 @@ class PoseFit:
     """Estimated linear parameters (m, F0, m r, M0)."""
     covariance: Float[np.ndarray, "10 10"]
     residuals: Float[np.ndarray, "n 6"]
-    degrees_of_freedom: Float[np.ndarray, "10"] = field(default_factory=lambda: np.full(LINEAR, np.inf))
+    degrees_of_freedom: Float[np.ndarray, "10"]
     """Effective degrees of freedom of each standard uncertainty (Welch–Satterthwaite, GUM G.4.1)."""
-    lasting: Float[np.ndarray, "10 k"] = field(default_factory=lambda: np.zeros((LINEAR, 0)))
+    lasting: Float[np.ndarray, "10 k"]
     """Change of the values by lasting errors of one standard uncertainty each."""
-    gain: Float[np.ndarray, "10 n 6"] = field(default_factory=lambda: np.zeros((LINEAR, 0, CHANNELS)))
+    gain: Float[np.ndarray, "10 n 6"]
     """Derivative of the values by the wrench of each pose."""
-    memory: Float[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0))
+    memory: Float[np.ndarray, " c"]
     """Coefficients of the wrench's further columns."""
-    memory_uncertainty: Float[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0))
+    memory_uncertainty: Float[np.ndarray, " c"]
     """Standard uncertainties of ``memory``."""
-    leverage: Float[np.ndarray, "n 6"] = field(default_factory=lambda: np.zeros((0, CHANNELS)))
+    leverage: Float[np.ndarray, "n 6"]
     """Derivative of each fitted reading by the measured one: the diagonal of the hat matrix."""
 
     def predicted(
@@ -129,13 +129,13 @@ def fit(
     )  # fmt: skip
 
 
-def predicted_fit(
+def predicted_covariance(
     values: Float[np.ndarray, "10"],
     specific_force: Float[np.ndarray, "n 3"],
     scatter: Float[np.ndarray, "6 6"],
     attitudes: Attitudes,
-) -> PoseFit:
-    """Return the least squares of poses that are not measured yet, with the covariance that it will have.
+) -> Float[np.ndarray, "10 10"]:
+    """Return the covariance that the least squares of poses will have that are not measured yet.
 
     Args:
         values: expected (m, F0, m r, M0).
@@ -145,7 +145,7 @@ def predicted_fit(
     """
     gain = _gain(_rows(specific_force))
     tilts, common_effect = _attitude_effects(values, gain, specific_force, attitudes)
-    return PoseFit(values, _covariance(gain, scatter, tilts, common_effect), np.zeros((len(specific_force), CHANNELS)))
+    return _covariance(gain, scatter, tilts, common_effect)
 
 
 def shrunk(covariance: Float[np.ndarray, "k k"], free: float) -> Float[np.ndarray, "k k"]:

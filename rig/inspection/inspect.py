@@ -11,13 +11,12 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from rig.bags.topics import load
-from rig.channels import ImuChannel, WrenchChannel, counted_together
+from rig.channels import counted_together
 from rig.exceptions import on_one_line
 from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
 from rig.record import device_clock
-
-TYPES = {WrenchChannel: WRENCH, ImuChannel: IMU}
+from rig.runs import message_type
 
 
 @dataclass
@@ -116,7 +115,7 @@ def _describe(channel: SensorChannel, skew: float) -> ChannelReport:
     period = device_clock.steady_period(stamp) * 1e-9 if len(stamp) > 1 else 0.0
     return ChannelReport(
         topic=channel.topic,
-        type=TYPES[type(channel)],
+        type=message_type(channel),
         samples=len(stamp),
         seconds=float(stamp[-1] - stamp[0]) * 1e-9 if len(stamp) else 0.0,
         rate_hz=1 / period if period > 0 else 0.0,

@@ -81,7 +81,7 @@ class Recorder:
         self._marks: deque[tuple[int, str]] = deque()
         self._epoch = time.time_ns() - time.monotonic_ns()  # once: a wall clock that is set later changes nothing
         self.summary = Summary(str(path))
-        self._signals: dict[str, deque[tuple[int, tuple[float, ...]]]] = {}
+        self._signals: dict[str, command_delay.Signal] = {}
 
     def stop(self) -> None:
         """End the recording at the next tick."""

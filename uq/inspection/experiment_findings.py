@@ -38,8 +38,8 @@ def experiment_findings(
 
 
 def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Contradiction]:
-    usable = max(run.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
-    usable = slice(usable.start, min(usable.stop, usable.start + MOST_SAMPLES))
+    longest = run.longest_segment
+    usable = slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES))
     time = run.t[usable]
     if len(time) < 10:
         return []
