@@ -46,10 +46,10 @@ def test_a_run_that_does_not_belong_is_named_and_the_pool_given_without_it(metho
     without = result.discordance.without
     np.testing.assert_allclose(without.inertia, others.inertia, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(without.interval95, others.interval95, rtol=1e-9, atol=1e-12)
-    (line,) = [text for text in result.warnings if "leaves the others" in text]
+    (line,) = [text for text in result.warnings if "disagrees with the others" in text]
     assert line.startswith(f"run2.mcap disagrees with the others: {departure.component} is ")
     assert others.discordance is None
-    assert not [text for text in others.warnings if "leaves the others" in text]
+    assert not [text for text in others.warnings if "disagrees with the others" in text]
     content = result.to_dict()["discordance"]
     assert content["departures"][0]["runs"] == ["run2.mcap"]
     assert (content["with"]["runs"], content["without"]["runs"]) == (4, 3)

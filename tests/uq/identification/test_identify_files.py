@@ -396,5 +396,5 @@ def test_without_an_accelerometer_a_level_rest_will_do_and_a_tilted_one_will_not
 
 def test_offsets_from_rest_need_rest(folder, short, signals):
     cut = Signals(*(getattr(signals, f.name)[2400:5600] for f in dataclasses.fields(signals)))
-    with pytest.raises(RunError, match="holds no rest to take the offsets from: record a second of it"):
+    with pytest.raises(RunError, match="has no rest to take the offsets from: record a second of it"):
         identify_files([write(folder / "restless.mcap", cut)], declare(short, offsets="still"))

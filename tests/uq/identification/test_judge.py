@@ -67,9 +67,9 @@ def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_p
     measured = measure(3, cell_turn=tuple(turn), **SHORT)
     result = identified(measured, "joint")
     first = result.warnings[0]
-    assert "were it the load cell's" in first
-    error = 1e3 * (measured.truth - result.inertia)[COMPONENTS.index(first.split("load cell's, ")[1][:3])]
-    told = float(first.split("would be ")[1].split()[0].replace("−", "-"))
+    assert "if the load cell is the rotated one" in first
+    error = 1e3 * (measured.truth - result.inertia)[COMPONENTS.index(first.split("rotated one, ")[1][:3])]
+    told = float(first.split("changes by ")[1].split()[0].replace("−", "-"))
     assert told == pytest.approx(error, abs=0.15)
     declared = identified_files(measured, tmp_path, "joint", [source("axes", "wrench", "misalignment", [4e-3] * 3)])
     assert declared.warnings == ()

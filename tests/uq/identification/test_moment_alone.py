@@ -77,7 +77,7 @@ def test_clean_runs_say_nothing(short, silent, scale, runs):
 
 def test_figures_are_those_that_were_put_in(short, silent):
     delay = judged(short, noisy(CAUSES["delay"](silent.run, None), 6))[0]
-    late = float(delay.text.split("late by ")[1].split(" ±")[0])
+    late = float(delay.text.split("lagged by ")[1].split(" ±")[0])
     assert late == pytest.approx(4.0, abs=0.3)
     tone = judged(short, noisy(CAUSES["resonance"](silent.run, None), 6))[0]
     assert "a line at 23.4 Hz" in tone.text

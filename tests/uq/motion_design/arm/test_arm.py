@@ -89,7 +89,7 @@ WRONG = [
     ({"home": ["0 deg"]}, "platform.home has 1 positions: the joints are pan, lift"),
     ({"home": ["0 deg"] * 5 + ["0 mm"]}, r"platform.home\[5\] is in m: write it in rad, since the joint turns"),
     ({"home": ["0 deg", "0 deg", "170 deg", "0 deg", "0 deg", "0 deg"]}, "joint elbow at 2.967 is not within -2.8 … 2.8"),
-    ({"home": ["0 deg", "120 deg", "0 deg", "0 deg", "0 deg", "0 deg"]}, "nearer to the floor than platform.clearance"),
+    ({"home": ["0 deg", "120 deg", "0 deg", "0 deg", "0 deg", "0 deg"]}, "closer to the floor than platform.clearance"),
     ({"joint": []}, "no largest acceleration of joint pan: state acceleration"),
     ({"joint": [EVERY, {"name": "knee"}]}, "platform.joint: unknown joint 'knee'"),
     ({"joint": [{**EVERY, "speed": "1 m/s"}]}, "platform.joint.pan.speed is in m/s: write it in rad/s"),
