@@ -252,7 +252,7 @@ def test_a_tensor_far_from_every_body_is_exported_by_force_only(tmp_path):
     """Nearest to diag(a, b, a + b + d) is a flat plate: d / √3 away, in units of equal standard uncertainties."""
     far = body([0.1, 0, 0, 0.2, 0, 0.3 + np.sqrt(3) * 5e-3])
     with pytest.raises(
-        RunError, match=r"nearest body lies 5\.0 standard uncertainties .*: --force exports it"
+        RunError, match=r"nearest body lies 5\.0 standard uncertainties .*; --force exports it"
     ) as caught:
         export(far, "urdf", tmp_path / "out")
     assert "\n" not in str(caught.value)
@@ -268,7 +268,7 @@ def test_a_tensor_far_from_every_body_is_exported_by_force_only(tmp_path):
 def test_what_the_runs_contradict_is_exported_by_force_only(tmp_path):
     words = "the runs contradict what is declared of mass (8.5 u off)"
     doubtful = result(BODIES["general"], contradicted=words)
-    with pytest.raises(RunError, match=r"declared of mass \(8\.5 u off\), so it is not .*: --force exports it"):
+    with pytest.raises(RunError, match=r"declared of mass \(8\.5 u off\), so it is not .*; --force exports it"):
         export(doubtful, "urdf", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     made = export(doubtful, names(), force=True)
@@ -280,7 +280,7 @@ def test_what_the_runs_contradict_is_exported_by_force_only(tmp_path):
 
 def test_a_fit_far_from_what_the_data_say_is_exported_by_force_only(tmp_path):
     fitted = result(BODIES["general"], admissible=SimpleNamespace(reason="no body has it", distance=3.4))
-    with pytest.raises(RunError, match=r"nearest body lies 3\.4 standard uncertainties .*: --force exports it"):
+    with pytest.raises(RunError, match=r"nearest body lies 3\.4 standard uncertainties .*; --force exports it"):
         export(fitted, "urdf", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     assert "3.4 standard uncertainties" in export(fitted, "urdf", force=True).warnings[0]

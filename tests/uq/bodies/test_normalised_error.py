@@ -387,7 +387,7 @@ def test_what_the_runs_contradict_passes_no_comparison():
     )
     assert "all components together: chi-squared" in sound
     assert "chi-squared" not in contradicted
-    assert "say nothing: the runs contradict what is declared of mass (10.0 u off)" in contradicted
+    assert "are meaningless: the runs contradict what is declared of mass (10.0 u off)" in contradicted
 
 
 def test_a_single_run_has_no_standard_deviation():
