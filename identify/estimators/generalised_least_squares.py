@@ -131,16 +131,16 @@ def whitened(
     prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
     fit = fitted(columns, y, inside, lines.constants, power_gain[near], prior)
     inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency)[:inside]
-    sides = (y[:inside], lever[:inside])
+    sides, sigma_alpha = (y[:inside], lever[:inside]), alpha_noise(run, estimator)
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
-    noise_of_fit = np.outer(shape, unpack(inertia) ** 2 @ alpha_noise(run, estimator) ** 2)
+    noise_of_fit = np.outer(shape, unpack(inertia) ** 2 @ sigma_alpha**2)
     moment = x[:inside] @ inertia
     follows = motion_columns(moment, of_motion[:inside], angle[:inside], lines.frequency[:inside], noise_of_fit)
     eliminated = _with_room(weighed, columns[:inside], follows, fit)
     fitted_moment = fit.value[6:9] if offsets == "estimate" else np.zeros(3)
-    at_fit = used.less_wrench(np.zeros(3), fitted_moment), r_cg - sigma_r_cg * fit.value[-3:]
-    remaining, freedom = at_fit[0].residuals(inertia, at_fit[1]), np.ones((len(record), 3))
+    levelled = used.less_wrench(np.zeros(3), fitted_moment)
+    remaining, freedom = levelled.residuals(inertia, r_cg - sigma_r_cg * fit.value[-3:]), np.ones((len(record), 3))
     remaining[:inside] -= eliminated.residuals
     freedom[:inside] = eliminated.free
     every = RowsSideBySide(weighed, eliminated.rows, unweighted)
@@ -148,7 +148,6 @@ def whitened(
     weighted_scores = fit.spectrum.scores(weighed)
     if offsets == "estimate":
         removed = Offsets(fitted_moment, fit.inverse[6:9, 6:9], record.means[FORCE])
-        used = at_fit[0]
     elif offsets == "still":
         removed = rested(resting(run), r_cg)
         by_constant = products(every[: lines.constants], constants[: lines.constants])
@@ -156,15 +155,15 @@ def whitened(
         scores, weighted_scores = scores + constant_scores, weighted_scores + constant_scores[:6, :6]
     else:
         removed = None
-    noise = _noise(alpha_noise(run, estimator), fit.weights, shape)
+    noise = _noise(sigma_alpha, fit.weights, shape)
     spread = np.linalg.pinv(weighted.normal, hermitian=True)
-    residuals = lines.samples(used.residuals(inertia, r_cg))
+    residuals = lines.samples(levelled.residuals(inertia, r_cg))
     estimate = Information(
         run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
         excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
         correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
         degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread),
-        trace=trace(record.t, residuals, used.moment_in_time(r_cg), record.motion), weighed=weighed,
+        trace=trace(record.t, residuals, levelled.moment_in_time(r_cg), record.motion), weighed=weighed,
     )  # fmt: skip
     extended = _equations_of(eliminated.rows, x[:inside], *sides)
     changes = residual_changes(unweighted, inertia, r_cg, errors)

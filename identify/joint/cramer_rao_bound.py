@@ -105,10 +105,10 @@ def bound(
     )
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, band, reach=reach, accelerometer=specific_force == "accelerometer")
-    model, beforehand = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.accelerometer_position, setting)
-    z = beforehand.coordinates({"inertia": np.asarray(body.inertia)})
+    model, prior = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.accelerometer_position, setting)
+    z = prior.coordinates({"inertia": np.asarray(body.inertia)})
     white = _whitener(body, noise, rows.factor, specific_force)
-    covariance, by_prior = posterior(information(model, beforehand, white, z), beforehand)
+    covariance, by_prior = posterior(information(model, prior, white, z), prior)
     total = np.diag(covariance)
     shares = np.diag(by_prior) / np.where(total > 0, total, 1.0)
     free = tuple(name for name in SIZES if (total[SLICES[name]] > 0).any())

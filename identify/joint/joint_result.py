@@ -57,7 +57,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
     warnings = contradicts_bodies(inertia, covariance[tensor, tensor])
-    declarations = departures(value, prior.mean, prior.covariance)
+    declarations = departures(value, prior)
     warnings += [declaration.text for declaration in declarations]
     warnings += [f"{fitted_run.run.name}: {text}" for fitted_run in joint_runs for text in fitted_run.run.warnings]
     # nothing weighs the body where the force is as measured: what is left of its mass is then the prior

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from identify.joint.joint_model import SIZES, SLICES
+from identify.joint.priors import Prior
 from identify.results.declaration import Declaration
 
 FAR = 4.0
@@ -49,25 +50,22 @@ others are in its axes.
 Unknowns that are missing here only absorb slow errors."""
 
 
-def departures(
-    theta: np.ndarray, mean: np.ndarray, beforehand: np.ndarray, names: Collection[str] = QUANTITIES
-) -> tuple[Declaration, ...]:
+def departures(theta: np.ndarray, prior: Prior, names: Collection[str] = QUANTITIES) -> tuple[Declaration, ...]:
     """Return the unknowns that are far from their priors, each by its worst component.
 
     Args:
         theta: the estimate of all unknowns, in their order.
-        mean: of the prior.
-        beforehand: covariance of the prior; zero for what is exact or has none.
+        prior: of the unknowns.
         names: of the unknowns that are looked at.
     """
-    sigma = np.sqrt(np.diag(beforehand))
-    distance = np.abs(theta - mean) / np.where(sigma > 0, sigma, np.inf)
+    sigma = np.sqrt(np.diag(prior.covariance))  # zero for what is exact or has no prior
+    distance = np.abs(theta - prior.mean) / np.where(sigma > 0, sigma, np.inf)
     far = []
     for name in QUANTITIES:
         here = SLICES[name]
         worst = here.start + int(np.argmax(distance[here]))
         if name in names and distance[worst] > FAR:
-            far.append(declaration(name, worst - here.start, theta[worst], mean[worst], sigma[worst]))
+            far.append(declaration(name, worst - here.start, theta[worst], prior.mean[worst], sigma[worst]))
     return tuple(far)
 
 

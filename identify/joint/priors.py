@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimators.declared_effects import DeclaredError
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER, SpecificForce
 from identify.signals.run import RunError
 
@@ -93,10 +94,10 @@ def error_blocks(errors: Mapping[str, ConstantError]) -> dict[tuple[str, ...], P
     return blocks
 
 
-def axes_of(errors: Mapping[str, ConstantError]) -> dict[str, tuple[str, np.ndarray]]:
-    """Return unknown and one standard uncertainty of each axis of declared errors, by name, such as ``F_gain 1``."""
+def axes_of(errors: Mapping[str, ConstantError]) -> dict[str, DeclaredError]:
+    """Return each independent axis of declared errors by its name, such as ``F_gain 1``."""
     return {
-        f"{name} {number}": (error.unknown, axis)
+        f"{name} {number}": DeclaredError(error.unknown, axis)
         for name, error in errors.items()
         for number, axis in enumerate(error.axes.T, 1)
     }
@@ -193,7 +194,7 @@ class Prior:
         return root @ root.T
 
 
-def prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
+def run_prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
     """Return the prior of one run.
 
     Args:

@@ -9,7 +9,7 @@ from identify.joint.delay_search import features_at_delay, motion_at_delay, sear
 from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, unknowns
 from identify.joint.motion_signals import MotionSignals
-from identify.joint.priors import Alignment, Prior, Setting, prior
+from identify.joint.priors import Alignment, Prior, Setting, run_prior
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrices, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
@@ -59,18 +59,18 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     reach = abs(alignment.delay) + REACH * alignment.sigma_delay
     rows = in_band(run, setting.band, reach=reach, accelerometer=kind != "none" and run.specific_force is not None)
     sigma = gyro_noise(run)
-    model, beforehand = prepared(rows, sigma / np.sqrt(run.rate), run.accelerometer_position, setting)
+    model, prior = prepared(rows, sigma / np.sqrt(run.rate), run.accelerometer_position, setting)
     _check_excitation(run, model, setting, sigma)
-    noise = _raw_noise(run, model, beforehand) / model.rows.factor
+    noise = _raw_noise(run, model, prior) / model.rows.factor
     try:
-        first = solve(model, beforehand, whitener(noise), search_start(model, beforehand, setting), ROUGH)
-        _check(run.name, model, beforehand, first)
-        noise = residual_noise(first, beforehand, model)
-        fit = solve(model, beforehand, whitener(noise), first.z)
-        _check(run.name, model, beforehand, fit)
+        first = solve(model, prior, whitener(noise), search_start(model, prior, setting), ROUGH)
+        _check(run.name, model, prior, first)
+        noise = residual_noise(first, prior, model)
+        fit = solve(model, prior, whitener(noise), first.z)
+        _check(run.name, model, prior, fit)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
-    return JointRun(run=run, model=model, prior=beforehand, fit=fit, noise=noise * rows.factor, gyro_noise=sigma)
+    return JointRun(run=run, model=model, prior=prior, fit=fit, noise=noise * rows.factor, gyro_noise=sigma)
 
 
 def gyro_noise(run: Run) -> np.ndarray:
@@ -88,7 +88,7 @@ def prepared(rows: InBand, gyro_density: np.ndarray, imu_position: np.ndarray, s
     )  # fmt: skip
     if kind == "still" and alignment.sigma_tilt is None:
         model = replace(model, up=start_up(model, to_imu, start_bias(model, to_imu, alignment)))
-    return model, prior(setting, gyro_density)
+    return model, run_prior(setting, gyro_density)
 
 
 def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.ndarray) -> None:
@@ -116,7 +116,7 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndarray:
+def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
     """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
@@ -130,7 +130,7 @@ def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndar
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
-    taken = np.trace(np.linalg.solve(fit.information + np.diag(beforehand.counted), fit.information))
+    taken = np.trace(np.linalg.solve(fit.information + np.diag(prior.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
@@ -138,8 +138,8 @@ def residual_noise(fit: RunSolution, beforehand: Prior, model: Model) -> np.ndar
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
-def _check(name: str, model: Model, beforehand: Prior, fit: RunSolution) -> None:
-    theta = beforehand.theta(fit.z)
+def _check(name: str, model: Model, prior: Prior, fit: RunSolution) -> None:
+    theta = prior.theta(fit.z)
     if not (np.isfinite(theta).all() and fit.converged):
         raise _without_solution(name)
     delay = float(theta[SLICES["delay"]][0])
@@ -160,12 +160,12 @@ def _size(signal: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(signal))))
 
 
-def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
+def _raw_noise(run: Run, model: Model, prior: Prior) -> np.ndarray:
     """Covariance of one sample's rows from the fourth differences."""
     level = [np.maximum(run.white_noise(signal), LEAST_NOISE * _size(signal)) for signal in (run.force, run.moment)]
     if model.specific_force == "still":
         return np.diag(np.concatenate(level) ** 2)
-    mean = beforehand.mean
+    mean = prior.mean
     arm = cross_matrix(mean[SLICES["r_cg"]])
     if model.specific_force == "none":
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
@@ -175,7 +175,7 @@ def _raw_noise(run: Run, model: Model, beforehand: Prior) -> np.ndarray:
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
 
-def search_start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarray:
+def search_start(model: Model, prior: Prior, setting: Setting) -> np.ndarray:
     """Return where the search starts: delay and tensor by cross-correlation, the gyro's bias from the force."""
     alignment = setting.alignment
     turn = exponential(np.asarray(alignment.rotation, float))
@@ -183,7 +183,7 @@ def search_start(model: Model, beforehand: Prior, setting: Setting) -> np.ndarra
     values: dict[str, np.ndarray | float] = {"delay": best.delay, "inertia": best.inertia}
     if model.specific_force == "still":
         values["gyro_bias"] = start_bias(model, turn.T, alignment)
-    return beforehand.coordinates(values)
+    return prior.coordinates(values)
 
 
 def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:

@@ -171,7 +171,7 @@ def departing_declarations(
     shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
     theta = prior.mean + pooled_change(fits, rows, shared)[:, 0]
     names = {"mass", "r_cg", *(error.unknown for error in problem.errors.values() if error.shared)}
-    return departures(theta, prior.mean, prior.covariance, names)
+    return departures(theta, prior, names)
 
 
 def farthest(declarations: Iterable[Declaration]) -> tuple[Declaration, ...]:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.estimators.declared_effects import DeclaredError
 from identify.estimators.generalised_least_squares import Weighed, whitened
 from identify.estimators.hausman import CHANCE, EstimateDifference, differences, reaching
 from identify.estimators.pooling import pool
@@ -35,7 +34,7 @@ class GeneralisedLeastSquares(Method):
             RunError: a run too short for the estimator, or a motion that identifies nothing.
         """
         spec, sigma = estimator_for(problem), problem.sigma_r_cg
-        errors = [DeclaredError(*axis) for axis in axes_of(problem.errors).values()]
+        errors = list(axes_of(problem.errors).values())
         runs = [
             whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma, errors=errors)
             for run in problem.runs

@@ -153,6 +153,10 @@ class Device(ABC):
         rate = self.options.get("rate", 0.0)
         return float(rate) if isinstance(rate, int | float) else 0.0
 
+    def rate_warnings(self, rate: float) -> list[str]:
+        """Return a warning where the device can only send at another rate [Hz] than it is asked for."""
+        return [] if abs(rate - self.rate) < 0.01 * self.rate else [f"it sends {rate:g} Hz, not {self.rate:g} Hz"]
+
     def parser(self) -> Parser:
         """Return a fresh parser."""
         return self.PARSER()

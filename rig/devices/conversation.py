@@ -51,6 +51,11 @@ class NoAnswerError(RigError):
         self.heard = heard
 
 
+def ascii_text(data: bytes) -> str:
+    """Return a text of fixed length without what fills it up."""
+    return data.decode("ascii", "replace").strip("\0 ")
+
+
 Heard = tuple[bytes, float]
 Conversation = Generator[Send | Listen | Inquire, Heard, Identity]
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
 from rig.devices.checksums import fletcher
-from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.conversation import Conversation, Identity, ascii_text, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.exceptions import RigError
 
@@ -134,10 +134,9 @@ class MicroStrain(Device):
         return Identity()
 
     def _identity(self, info: bytes, base_rate: int, decimation: int, confirmed: bool) -> Identity:
-        texts = [info[i : i + 16].decode("ascii", "replace").strip("\0 ") for i in range(2, 66, 16)]
-        model, _, serial, _ = texts
+        model, _, serial, _ = (ascii_text(info[i : i + 16]) for i in range(2, 66, 16))
         rate = base_rate / decimation
-        warnings = [] if abs(rate - self.rate) < 0.01 * self.rate else [f"it sends {rate:g} Hz, not {self.rate:g} Hz"]
+        warnings = self.rate_warnings(rate)
         if not confirmed:
             warnings.append("the message format read back differs from what was set")
         return Identity(

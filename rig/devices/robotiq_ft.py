@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
 from rig.devices.checksums import crc16_modbus
-from rig.devices.conversation import Conversation, Identity, Listen, Send, ask
+from rig.devices.conversation import Conversation, Identity, Listen, Send, ascii_text, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 
 SLAVE, READ, WRITE = 9, 3, 16
@@ -114,14 +114,10 @@ class RobotiqFt(Device):
         yield from ask(START_STREAM, lambda heard: STREAM_STARTS if STREAM_STARTS in heard else None)
         return Identity(
             model="FT 300",
-            serial=f"{_text(serial[:3])}-{int.from_bytes(serial[6:8] + serial[4:6], 'big'):04d}",
-            firmware=f"{_text(firmware[:3])}-{'.'.join(str(number) for number in firmware[3:6])}",
+            serial=f"{ascii_text(serial[:3])}-{int.from_bytes(serial[6:8] + serial[4:6], 'big'):04d}",
+            firmware=f"{ascii_text(firmware[:3])}-{'.'.join(str(number) for number in firmware[3:6])}",
             settings={"production_year": str(int.from_bytes(year, "big"))},
         )
-
-
-def _text(data: bytes) -> str:
-    return data.decode("ascii", "replace").strip("\0 ")
 
 
 class RobotiqEmulator(Emulator):

@@ -137,8 +137,7 @@ class VectorNav(Device):
         divisor = max(1, round(BASE_RATE / self.rate))
         yield from register(f"WRG,75,1,{divisor},01,{self._mask:04X}")
         settings = yield from register("RRG,75")
-        rate = BASE_RATE / divisor
-        warnings = () if abs(rate - self.rate) < 0.01 * self.rate else (f"it sends {rate:g} Hz, not {self.rate:g} Hz",)
+        warnings = tuple(self.rate_warnings(BASE_RATE / divisor))
         return Identity(*facts, settings={"binary_output": ",".join(settings)}, warnings=warnings)
 
 

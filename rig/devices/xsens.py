@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
-from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.conversation import Conversation, Identity, ascii_text, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
 
 MTDATA2, ERROR = 0x36, 0x42
@@ -156,7 +156,7 @@ class Xsens(Device):
             if settings.get(f"{i:04X}_hz") != str(wanted)
         )
         return Identity(
-            model=product.decode("ascii", "replace").strip("\0 "),
+            model=ascii_text(product),
             serial=serial.hex().upper(),
             firmware=".".join(str(b) for b in firmware[:3]),
             settings=settings,
