@@ -194,8 +194,7 @@ def average(result: MonteCarloResult, trajectory: str, estimator: str, component
     means over replicates of quasi-random trials), so that they hold for components that go together. Trials that failed
     are left out.
     """
-    index = list(result.breakdowns[trajectory]).index(estimator)
-    errors = result.errors[trajectory][:, index, 0][:, list(components)]
+    errors = result.total_errors(trajectory, estimator)[:, list(components)]
     good, _ = finite_trials(errors)
     if len(good) < 2:
         return Average(np.nan, np.nan, np.nan, np.nan)

@@ -94,7 +94,7 @@ def identify_files(
     if offsets is not None:
         experiment = replace(experiment, recording=msgspec.structs.replace(experiment.recording, offsets=offsets))
     declared_inputs = experiment.inputs()
-    mass_and_centre = _declared_centre(experiment, method) if centre is None else _centre_of_poses(experiment, centre)
+    mass_and_centre = _mass_and_centre(experiment, centre, method)
     experiment, prior = mass_and_centre.experiment, mass_and_centre.prior
     if experiment.recording.zero_frame == "base" and method not in (None, "joint"):
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
@@ -146,16 +146,13 @@ class _MassAndCentre(NamedTuple):
     provenance: Mapping[str, Any] = {}
 
 
-def _centre_of_poses(experiment: Experiment, centre: str | Path | Centre) -> _MassAndCentre:
-    """Mass and centre of gravity as static poses say."""
-    prior = load_centre(centre)
-    check_declared(experiment, prior, "centre" if isinstance(centre, Centre) else Path(centre).name)
-    experiment, warnings = with_centre_prior(experiment, prior)
-    return _MassAndCentre(experiment, prior, warnings, provenance={"centre": centre_provenance(centre, prior)})
-
-
-def _declared_centre(experiment: Experiment, method: str | None) -> _MassAndCentre:
-    """Mass and centre of gravity as declared; the mass by the scale, a centre that is not declared by the motion."""
+def _mass_and_centre(experiment: Experiment, centre: str | Path | Centre | None, method: str | None) -> _MassAndCentre:
+    """Mass and centre of gravity by static poses; else as declared, or by a scale, or for the motion to tell."""
+    if centre is not None:
+        prior = load_centre(centre)
+        check_declared(experiment, prior, "centre" if isinstance(centre, Centre) else Path(centre).name)
+        experiment, warnings = with_centre_prior(experiment, prior)
+        return _MassAndCentre(experiment, prior, warnings, provenance={"centre": centre_provenance(centre, prior)})
     if experiment.scale is not None:
         experiment = replace(experiment, mass=experiment.scale[0])
     recording = experiment.recording
