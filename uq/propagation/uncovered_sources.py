@@ -85,9 +85,8 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
         return None
     correlations = [mix.correlation for mix in mixing if source.name in mix.names]
     signal = SignalRange(
-        peaks.largest[source.target],
-        peaks.moves[source.target],
-        signal_variance(sources, source.signal),
-        any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
-    )
+        largest=peaks.largest[source.target], moves=peaks.moves[source.target],
+        variance=signal_variance(sources, source.signal),
+        correlated=any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
+    )  # fmt: skip
     return source.error_kind.beyond_the_law(source, signal)

@@ -57,7 +57,11 @@ def _stacks(axes: Axes, b: SourceBudget) -> None:
                 axes.text(*at, f"{value:.0f}", ha="center", va="center", color=on(colour), fontsize=7)
         base = base + heights
     axes.set(ylim=(0, 100), ylabel="Shapley share of the variance [%]", title="sources of the dispersion")
-    axes.set_xticks(x, COLUMNS)
+    _name_columns(axes)
+
+
+def _name_columns(axes: Axes) -> None:
+    axes.set_xticks(range(len(COLUMNS)), COLUMNS)
     axes.tick_params(axis="x", bottom=False)
 
 
@@ -69,8 +73,7 @@ def _split(axes: Axes, b: SourceBudget) -> None:
     axes.bar(x, bias, 0.8, color=BIAS, label="bias")
     axes.bar(x, 100 - bias, 0.8, bottom=bias, color=DISPERSION, label="dispersion")
     axes.set(ylim=(0, 100), ylabel="share of the\nmean square [%]")
-    axes.set_xticks(x, COLUMNS)
-    axes.tick_params(axis="x", bottom=False)
+    _name_columns(axes)
 
 
 def _tensor(axes: Axes, b: SourceBudget) -> None:
@@ -83,15 +86,9 @@ def _tensor(axes: Axes, b: SourceBudget) -> None:
     y = np.arange(len(shown))
     values, errors = tensor_shares[shown], 100 * e.shapley.generalised_standard_error[shown]
     axes.errorbar(
-        values,
-        y,
-        xerr=errors,
-        fmt="none",
-        ecolor="black",
-        elinewidth=0.7,
-        capsize=1.6,
+        values, y, xerr=errors, fmt="none", ecolor="black", elinewidth=0.7, capsize=1.6,
         label="Shapley ± standard error",
-    )
+    )  # fmt: skip
     axes.plot(100 * e.first.generalised[shown], y - 0.22, "|", color="black", markersize=5, label="first order")
     axes.plot(100 * e.total.generalised[shown], y + 0.22, "ko", markersize=3, markerfacecolor="white", label="total")
     axes.set_yticks(range(len(parts)), [name for name, *_ in parts])
