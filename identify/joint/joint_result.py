@@ -1,6 +1,6 @@
 """The joint estimate of one or more runs as a result: tensor, mass, centre of gravity, offsets, delay, rotation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +52,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     factor = float(scipy.special.stdtrit(freedom, 0.975))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
-    inertia = value[tensor]
+    inertia, effects = value[tensor], _effects_of_axes(pooled, setting)
     half = factor * np.sqrt(np.diag(covariance)[tensor])
     bias = _bias(joint_runs, pooled)[tensor]
     delay, rotation = (_aligned(pooled, name, factor) for name in ("delay", "rotation"))
@@ -79,8 +79,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         cg_inertia_covariance=covariance[cg, tensor], cg_covariance=covariance[cg, cg], method="joint", delay=delay,
         rotation=rotation, offsets=offsets,
         mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]) if weighed else None,
-        budget=_budget(pooled, setting, prior.covariance), centre_factor=factor, centre_from=ESTIMATED,
-        lasting=_lasting(pooled, setting), declarations=declarations,
+        budget=_budget(pooled, setting, prior.covariance, effects), centre_factor=factor, centre_from=ESTIMATED,
+        lasting=_lasting(pooled, setting, effects), declarations=declarations,
     )  # fmt: skip
 
 
@@ -98,7 +98,9 @@ GROUPS = {
 """Unknowns of each prior that a budget names, beside the priors of declared errors."""
 
 
-def _budget(pooled: PooledJoint, setting: Setting, prior_covariance: np.ndarray) -> dict[str, np.ndarray]:
+def _budget(
+    pooled: PooledJoint, setting: Setting, prior_covariance: np.ndarray, effects: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
     """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
     tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
 
@@ -109,7 +111,6 @@ def _budget(pooled: PooledJoint, setting: Setting, prior_covariance: np.ndarray)
     grouped = dict.fromkeys(("mass", "centre of gravity", "offsets"), ()) | {"static poses": STATIC}
     named = GROUPS | (grouped if calibrated(setting.blocks) else {})
     groups = {name: [unknown for unknown in members if unknown not in declared] for name, members in named.items()}
-    effects = _effects_of_axes(pooled, setting)
     error_effects = {name: [effects[f"{name} {k + 1}"][4:] for k in range(error.axes.shape[1])]
                      for name, error in setting.errors.items() if error.shared}  # fmt: skip
     in_poses = [setting.lasting[name] for name in effects if name in setting.lasting]
@@ -139,10 +140,9 @@ def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndar
     }
 
 
-def _lasting(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
+def _lasting(pooled: PooledJoint, setting: Setting, effects: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the prior's errors of the ten parameters, (10,) each, that are the same in another body's result."""
     by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
-    effects = _effects_of_axes(pooled, setting)
     return {name: effects.get(name, by_static @ effect) for name, effect in setting.lasting.items()}
 
 

@@ -16,7 +16,7 @@ from identify.estimators.admissible_tensor import (
     margin,
 )
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import Run, RunError
@@ -111,12 +111,9 @@ def _wide_intervals(result: Identification) -> list[str]:
 
 
 def _undetermined(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) -> str:
-    names = [name for name, determined in zip(COMPONENTS, bounded.determined, strict=True) if not determined]
-    ranges = [
-        _range(name, *ends)
-        for name, ends, determined in zip(COMPONENTS, 1e3 * bounded.interval95, bounded.determined, strict=True)
-        if not determined
-    ]
+    open_ended = np.flatnonzero(~bounded.determined)
+    names = [COMPONENTS[k] for k in open_ended]
+    ranges = [_range(COMPONENTS[k], *GRAM_METRE * bounded.interval95[k]) for k in open_ended]
     return (
         f"{', '.join(names)} not determined: {_motion(bounded, covariance, runs)}; possible bodies with the "
         f"other components have {', '.join(ranges)}; rotate about more axes"
@@ -140,7 +137,7 @@ def _motion(bounded: Admissible, covariance: np.ndarray, runs: Sequence[Run]) ->
     if power[1] < ONE_AXIS * power[2]:
         axis = axes[:, 2] * np.sign(axes[np.argmax(np.abs(axes[:, 2])), 2])
         about = np.einsum("a,iab,b->i", axis, UNITS, axis)
-        value, sigma = 1e3 * about @ bounded.plain, 1e3 * np.sqrt(about @ covariance @ about)
+        value, sigma = GRAM_METRE * about @ bounded.plain, GRAM_METRE * np.sqrt(about @ covariance @ about)
         moment = f"about which its moment is {with_uncertainty(float(value), float(sigma))} g·m²"
         return f"the body turns about one axis only, {_vector(axis)}, {moment}"
     if power[0] < ONE_AXIS * power[2]:

@@ -33,15 +33,13 @@ def held(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
 
 def repeats(values: Float[np.ndarray, "n k"]) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Return which samples to drop, as the sensor is slower than its messages; and where it stood still for a while."""
-    equal = held(values)
+    equal, none = held(values), np.zeros(len(values), bool)
     if equal.mean() > HELD:
-        return _every(values, np.median([stop - start for start, stop in runs_of_true(equal)])), np.zeros(
-            len(values), bool
-        )
-    frozen = np.zeros(len(values), bool)
+        return _every(values, np.median([stop - start for start, stop in runs_of_true(equal)])), none
+    frozen = none.copy()
     for start, stop in runs_of_true(equal):
         frozen[start - 1 : stop] = stop - start + 1 >= FROZEN
-    return np.zeros(len(values), bool), frozen
+    return none, frozen
 
 
 def _every(values: np.ndarray, usual: float) -> np.ndarray:

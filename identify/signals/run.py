@@ -191,28 +191,22 @@ class Run:
                 f"no overlap in {name}: wrench from {at[0]:.6g} to {at[-1]:.6g} s, angular velocity from "
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
+        intervals, warnings = [], list[str]()
         for sensor, instants in (("wrench", at), ("angular velocity", at_imu)):
             refuse_jump(sensor, instants, name)
-        intervals = [interval(times) for times in (at, at_imu)]
-        step, unequal = max(intervals), max(intervals) > UNEQUAL * min(intervals)
-        sensors = {"wrench": at, "angular velocity": at_imu}
-        warnings = [
-            text for sensor, times in sensors.items() for text in (*gaps(sensor, times), *jitter(sensor, times))
-        ]
-        columns = [np.hstack(wrench), np.hstack(motion)]
-        reach = 0.0
-        if unequal:
-            times, columns, reach = below(0.5 / step, [at, at_imu], columns, intervals, name)
-            at_wrench, at_motion = times
+            intervals.append(interval(instants))
+            warnings += [*gaps(sensor, instants), *jitter(sensor, instants)]
+        step, reach = max(intervals), 0.0
+        times, columns = [at, at_imu], [np.hstack(wrench), np.hstack(motion)]
+        if step > UNEQUAL * min(intervals):
+            times, columns, reach = below(0.5 / step, times, columns, intervals, name)
             start, stop = max(t[0] for t in times), min(t[-1] for t in times)
-        else:
-            at_wrench, at_motion = at, at_imu
         t = start + step * np.arange(int((stop - start) / step * (1 + 1e-9)) + 1)
         if len(t) < 2:
             raise RunError(f"fewer than two samples in {name}: the sensors overlap for {stop - start:.3g} s only")
         gap = in_gap(at, t, reach) | in_gap(at_imu, t, reach)
         near_bad = beside(bad[0], t, intervals[0] + reach) | beside(bad[1], t, intervals[1] + reach)
-        wrenches, motions = interpolate(at_wrench, columns[0], t), interpolate(at_motion, columns[1], t)
+        wrenches, motions = (interpolate(*samples, t) for samples in zip(times, columns, strict=True))
         missing = gap | near_bad
         return cls(
             t=t, force=wrenches[:, :3], moment=wrenches[:, 3:], omega=motions[:, :3], name=name, sha256=sha256,

@@ -60,11 +60,10 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
             f"{run.cure('record without gaps, or choose a longer part')}"
         )
     half = (len(run.t) - phi.shape[1]) // 2
-    if run.missing is None:  # nothing is copied
-        every = slice(half, half + len(keep))
-        return Rows(phi=phi, force=force, moment=moment, segments=(slice(0, len(keep)),), instants=every)
+    # slices where every sample counts: nothing is copied
+    part, instants = (keep, half + keep) if run.missing is not None else (slice(None), slice(half, half + len(keep)))
     return Rows(
-        phi=phi[:, keep], force=force[:, keep], moment=moment[:, keep], segments=unbroken(keep), instants=half + keep
+        phi=phi[:, part], force=force[:, part], moment=moment[:, part], segments=unbroken(keep), instants=instants
     )  # fmt: skip
 
 

@@ -449,10 +449,9 @@ class _Examination:
     def _turned(self, given: Scales) -> Iterator[Contradiction]:
         turn, chi_square, covariance = misalignment(self.sums, given)
         if chi_square > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
-            before, self.sums = self.sums, self.sums.turned(imu=exponential(turn))
-            sensor, cure = self._rotation_cure(before, exponential(turn).T)
-            if sensor == "wrench":
-                self.sums = before.turned(wrench=exponential(turn).T)
+            before, rotation = self.sums, exponential(turn)
+            sensor, cure = self._rotation_cure(before, rotation.T)
+            self.sums = before.turned(wrench=rotation.T) if sensor == "wrench" else before.turned(imu=rotation)
             both = covariance + np.diag(self.declared.turn**2)
             if turn @ np.linalg.solve(both, turn) > CERTAIN_SHIFT:
                 vector = small_turn_text(turn, covariance)
