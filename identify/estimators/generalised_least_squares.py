@@ -35,7 +35,9 @@ from identify.estimators.run_information import (
     without_offsets,
 )
 from identify.rigid_body.inertia import unpack
+from identify.rigid_body.pseudo_inertia import UNITS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
+from identify.rigid_body.rotation import CROSS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.power_spectrum import correlation_time, without_line
 from identify.signals.run import Run
@@ -325,11 +327,6 @@ CLEAR = 30.0
 """Power of a line's fitted moment over that of the gyro's noise in it, from which it counts as the motion's."""
 SLOW = 0.01
 """Part of the moment's power in the slowest lines, where the angle is little but drift of the integral."""
-SYMMETRIC = np.array([[[1, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
-                      [[0, 0, 0], [0, 0, 0], [0, 0, 1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]],
-                      [[0, 0, 1], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]])  # fmt: skip
-ANTISYMMETRIC = np.array([[[0, 1, 0], [-1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]],
-                          [[0, 0, 0], [0, 0, 1], [0, -1, 0]]])  # fmt: skip
 
 
 def motion_columns(
@@ -352,7 +349,7 @@ def motion_columns(
     power = np.cumsum((moment**2).sum(axis=1))
     turned = np.where(power[:, None] > SLOW * power[-1], angle, 0.0)
     by_axis = [signal[:, :, None] * np.eye(3) for signal in (grown, turned)]
-    across = [np.einsum("nab,kb->kan", maps, signal) for maps, signal in ((SYMMETRIC, force), (ANTISYMMETRIC, moment))]
+    across = [np.einsum("nab,kb->kan", maps, signal) for maps, signal in ((UNITS, force), (CROSS, moment))]
     return np.concatenate([*by_axis, *across], axis=2)
 
 

@@ -79,40 +79,43 @@ def differences(
     extended = spread @ np.sum([run.extended.right for run in runs], axis=0)
     extended_by_centre = spread @ np.sum([run.extended.right_by_centre for run in runs], axis=0)
     zero = np.zeros((6, 6))
-    weighted_by_right, plain_by_right = weighted.by_right, plain.by_right
-    return (
-        _difference(
-            runs=runs, weighted=weighted, other=plain.inertia, by_centre=plain.by_centre,
-            apart_by_centre=plain.by_centre - weighted.by_centre,
-            apart=[np.hstack([-g, o, zero]) for g, o in zip(weighted_by_right, plain_by_right, strict=True)],
-            alone=[np.hstack([zero, o, zero]) for o in plain_by_right], centre_covariance=centre_covariance,
-        ),
-        _difference(
-            runs=runs, weighted=weighted, other=extended, by_centre=extended_by_centre,
-            apart_by_centre=extended_by_centre - weighted.by_centre,
-            apart=[np.hstack([-g, zero, spread]) for g in weighted_by_right],
-            alone=[np.hstack([zero, zero, spread])] * len(runs), centre_covariance=centre_covariance,
-        ),
-    )  # fmt: skip
+    others = (
+        (plain.inertia, plain.by_centre, [np.hstack([zero, by_right, zero]) for by_right in plain.by_right]),
+        (extended, extended_by_centre, [np.hstack([zero, zero, spread])] * len(runs)),
+    )
+    return tuple(
+        _difference(runs, weighted, other, by_centre, by_right, centre_covariance)
+        for other, by_centre, by_right in others
+    )
 
 
 def _difference(
-    runs: Sequence[Weighed], weighted: Pooled, other: np.ndarray, apart_by_centre: np.ndarray,
-    by_centre: np.ndarray, apart: Sequence[np.ndarray], alone: Sequence[np.ndarray], centre_covariance: np.ndarray,
-) -> EstimateDifference:  # fmt: skip
-    """One difference, from the derivatives of it and of the other estimate by each run's right sides."""
+    runs: Sequence[Weighed],
+    weighted: Pooled,
+    other: np.ndarray,
+    other_by_centre: np.ndarray,
+    other_by_right: Sequence[np.ndarray],
+    centre_covariance: np.ndarray,
+) -> EstimateDifference:
+    """One difference, from the other estimate and its derivatives by r_CG and by each run's three right sides."""
+    by_centre = other_by_centre - weighted.by_centre
+    by_right = [
+        np.hstack([-by_first, by_three[:, 6:]])
+        for by_first, by_three in zip(weighted.by_right, other_by_right, strict=True)
+    ]
 
     def covariance(by_right: Sequence[np.ndarray], centre: np.ndarray) -> np.ndarray:
         noise = np.sum([j @ run.scores @ j.T for j, run in zip(by_right, runs, strict=True)], axis=0)
         return noise + centre @ centre_covariance @ centre.T
 
     value = other - weighted.inertia
-    by_errors = np.sum([j @ run.by_errors for j, run in zip(apart, runs, strict=True)], axis=0)
+    by_errors = np.sum([j @ run.by_errors for j, run in zip(by_right, runs, strict=True)], axis=0)
     no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
-    expected = covariance(apart, apart_by_centre) + no_news
+    expected = covariance(by_right, by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     factor = scipy.special.stdtrit(freedom, PROBABILITY)
-    return EstimateDifference(value, expected, freedom, factor * np.sqrt(np.diag(covariance(alone, by_centre))))
+    half_width = factor * np.sqrt(np.diag(covariance(other_by_right, other_by_centre)))
+    return EstimateDifference(value, expected, freedom, half_width)
 
 
 def reaching(plain: Pooled, weighted: Pooled, every: Sequence[EstimateDifference]) -> Pooled:

@@ -16,8 +16,8 @@ from identify.estimators.admissible_tensor import (
     margin,
 )
 from identify.results.identification_result import Identification
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.pseudo_inertia import PAIRS, UNITS
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack
+from identify.rigid_body.pseudo_inertia import UNITS
 from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import Run, RunError
 
@@ -103,7 +103,7 @@ def contradicts_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.nda
 
 def _wide_intervals(result: Identification) -> list[str]:
     moments = np.abs(result.inertia[[0, 3, 5]])
-    scale = np.array([np.sqrt(moments[i] * moments[j]) for i, j in PAIRS])
+    scale = np.sqrt(pack(np.outer(moments, moments)))
     wide = result.determined & (np.ptp(result.interval95, axis=1) / 2 > WIDE * scale)
     names = [name for name, is_wide in zip(COMPONENTS, wide, strict=True) if is_wide]
     advice = "half the interval exceeds half the moments of those axes; record for longer, or rotate about more axes"

@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from identify.rigid_body.inertia import COMPONENTS, pack
+from identify.rigid_body.inertia import pack, unpack
 
-PAIRS = tuple((int(name[1]) - 1, int(name[2]) - 1) for name in COMPONENTS)
-UNITS = np.array([[[float({i, j} == {a, b}) for b in range(3)] for a in range(3)] for i, j in PAIRS])
+UNITS = np.array([unpack(unit) for unit in np.eye(6)])
 """Symmetric matrix of each packed unit tensor, (6, 3, 3)."""
 SECOND_MOMENT = np.array([0.5 * np.trace(unit) * np.eye(3) - unit for unit in UNITS])
 """Second-moment matrix of each packed unit tensor, (6, 3, 3)."""
@@ -25,7 +24,7 @@ def second_moment(inertia: Float[np.ndarray, "6"]) -> Float[np.ndarray, "3 3"]:
 
 def of_second_moment(moments: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "6"]:
     """Return the packed tensor ``I = tr(Σ) 1 - Σ``."""
-    return (np.trace(moments) * np.eye(3) - moments)[tuple(zip(*PAIRS, strict=True))]
+    return pack(np.trace(moments) * np.eye(3) - moments)
 
 
 def log_cholesky(free: Float[Array, "6"]) -> Float[Array, "6"]:

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from identify.rigid_body.regressor import ArrayT, cross_matrices, cross_matrix
+from identify.rigid_body.regressor import ArrayT, cross_matrices
 
-CROSS = cross_matrix(np.eye(3)).transpose(2, 0, 1)
+CROSS = cross_matrices(np.eye(3))
 """``unit vector ×``, as a matrix, for each axis."""
 TOLERANCE = 1e-3
 """Departure of a written matrix from orthonormal that counts as rounding of its decimals."""
@@ -50,14 +50,7 @@ def from_quaternion(w: float, x: float, y: float, z: float) -> Float[np.ndarray,
     norm = np.linalg.norm(q)
     if not abs(norm - 1) <= TOLERANCE:
         raise ValueError(f"has the norm {norm:.6g}: write a quaternion of norm 1")
-    w, x, y, z = q / norm
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return from_quaternions(q[None] / norm)[0]
 
 
 def from_axes(text: str) -> Float[np.ndarray, "3 3"]:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, Vector
 from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
-from identify.rigid_body.rotation import from_quaternions, quaternions, rotation_vectors, signed_order
+from identify.rigid_body.rotation import closest_rotation, from_quaternions, quaternions, rotation_vectors, signed_order
 from identify.rounding import fixed, significant
 
 ORDERS = ("x, y, z, w", "-x, -y, -z, w", "w, x, y, z", "w, -x, -y, -z")
@@ -121,11 +121,9 @@ def _agreement(imu: ImuSignal, to_rest: Rotations) -> _Agreement:
     total = np.concatenate([np.zeros((1, 3)), total])
     integral = total[count:] - total[:-count]
     turned, integral = turned - turned.mean(axis=0), integral - integral.mean(axis=0)
-    first, sizes, second = np.linalg.svd(turned.T @ integral)
-    signs = np.array([1.0, 1.0, np.linalg.det(first @ second)])
-    product, power = float((sizes * signs).sum()), float((integral**2).sum())
+    rotation = closest_rotation(turned.T @ integral)
+    product, power = float((turned * (integral @ rotation.T)).sum()), float((integral**2).sum())
     size = np.sqrt(power * float((turned**2).sum()))
     if not size > 0:
         return _Agreement(0.0, 1.0, np.zeros(3))
-    turn = rotation_vectors((first * signs @ second)[None])[0]
-    return _Agreement(product / size, max(product / power, 1e-12), turn)
+    return _Agreement(product / size, max(product / power, 1e-12), rotation_vectors(rotation[None])[0])
