@@ -147,18 +147,11 @@ def discordance(result: Identification) -> list[Table]:
     for d in leaving.departures:
         u = GRAM_METRE * d.standard_uncertainty
         rows.append([d.name, d.component, rounded(GRAM_METRE * d.difference, u), rounded(u, u)])
-    pools = [
-        ("with them", leaving.all_runs),
-        *([] if leaving.without is None else [("without them", leaving.without)]),
-    ]
-    compared = [
-        row
-        for name, pool in pools
-        for row in (
-            [f"{name}: {pool.runs} runs", *_with_u(pool.inertia, pool.standard_uncertainty, GRAM_METRE)],
-            ["u", *_two_digits(pool.standard_uncertainty)],
-        )
-    ]
+    compared = []
+    for name, pool in (("with them", leaving.all_runs), ("without them", leaving.without)):
+        if pool is not None:
+            values = _with_u(pool.inertia, pool.standard_uncertainty, GRAM_METRE)
+            compared += [[f"{name}: {pool.runs} runs", *values], ["u", *_two_digits(pool.standard_uncertainty)]]
     head = ["", "component", "difference from the others", "u"]
     return [
         Table("Runs that disagree with the others, g·m²", head, rows, DISCORDANCE_NOTE),

@@ -28,12 +28,11 @@ def tables(result: BudgetResult) -> list[Table]:
 
 def overview(result: BudgetResult) -> list[Table]:
     """Return each budget's shares of the tensor and of the components, and its mean errors."""
-    return [
-        table
-        for pair in result.pairs()
-        for budget in [result[pair]]
-        for table in (of_tensor(budget, ", ".join(pair)), shares_by_component(budget), mean_errors(budget))
-    ]
+    shown = []
+    for pair in result.pairs():
+        budget = result[pair]
+        shown += [of_tensor(budget, ", ".join(pair)), shares_by_component(budget), mean_errors(budget)]
+    return shown
 
 
 def notes(result: BudgetResult) -> list[str]:
