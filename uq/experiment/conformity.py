@@ -62,14 +62,14 @@ def decide(
         expanded: their expanded uncertainty U [kg·m²].
     """
     scale = np.maximum(standard_uncertainty, 1e-300)
-    return [
-        Decision(
-            name, (low, high), _outcome(conformity.rule, inertia[k], expanded[k], low, high),
-            float(np.diff(scipy.special.ndtr((np.array([low, high]) - inertia[k]) / scale[k]))[0]),
-        )
-        for k, name in enumerate(get_args(Component)) if name in conformity.limits
-        for low, high in [conformity.limits[name]]
-    ]  # fmt: skip
+    decisions = []
+    for k, name in enumerate(get_args(Component)):
+        if name in conformity.limits:
+            low, high = conformity.limits[name]
+            below, up_to_high = scipy.special.ndtr((np.array([low, high]) - inertia[k]) / scale[k])
+            outcome = _outcome(conformity.rule, inertia[k], expanded[k], low, high)
+            decisions.append(Decision(name, (low, high), outcome, probability=float(up_to_high - below)))
+    return decisions
 
 
 def _outcome(rule: Rule, value: float, expanded: float, low: float, high: float) -> Outcome:

@@ -76,12 +76,11 @@ def section(result: MonteCarloResult) -> Section:
 
 def _differentiator(table: Mapping[str, Any]) -> str:
     """Return in brackets how an estimator differentiates the angular velocity, as its table says."""
-    name, band = table.get("differentiator"), f" matched to {table['band']}" if "band" in table else ""
-    return (
-        f" (angular acceleration by {'central difference' if name == 'central' else name.title()}{band})"
-        if name
-        else ""
-    )
+    name = table.get("differentiator")
+    if not name:
+        return ""
+    band = f" matched to {table['band']}" if "band" in table else ""
+    return f" (angular acceleration by {'central difference' if name == 'central' else name.title()}{band})"
 
 
 def computed(result: MonteCarloResult) -> str:
@@ -125,10 +124,8 @@ def _intervals(result: MonteCarloResult) -> Table:
     for pair in result.pairs():
         for kind in ("symmetric", "shortest"):
             interval = result.interval(*pair, kind=kind)
-            low, high = (
-                grams(interval.low, interval.low_standard_error),
-                grams(interval.high, interval.high_standard_error),
-            )
+            low = grams(interval.low, interval.low_standard_error)
+            high = grams(interval.high, interval.high_standard_error)
             cases.append((pair if kind == "symmetric" else ("", ""), [[f"{kind}, from", *low], ["to", *high]]))
     return case_table("95 % coverage intervals of the error, g·m²", PAIR, cases, unit="", note=INTERVAL_NOTE)
 
