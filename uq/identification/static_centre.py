@@ -137,6 +137,7 @@ def centre_file(
         result, experiment, wrench=np.hstack([force, moment]), specific_force=specific_force,
         sensed=wrenches.lean.accelerometer is not None,
     )  # fmt: skip
+    offset = np.hstack([result.force_offset, result.moment_offset])
     aligned = () if poses.sigma_alignment > 0 else (ALIGNED,)
     gravity = () if "gravity" in experiment.document.get("platform", {}) else (
         f"local gravity is {experiment.gravity:g} m/s²",
@@ -144,9 +145,7 @@ def centre_file(
     return replace(
         result,
         lasting_names=(*(f"{ATTITUDE_AXIS}{k + 1}" for k in range(attitudes.lasting)), *names),
-        zero=reading_of(np.hstack([result.force_offset, result.moment_offset]), wrenches.rig)
-        if wrenches.rig.cell_axes
-        else None,
+        zero=reading_of(offset, wrenches.rig) if wrenches.rig.cell_axes else None,
         warnings=(*(wrenches.findings or _turned(wrenches, poses)), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *aligned, *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),

@@ -137,11 +137,9 @@ def tared(
     half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
-    tare_declarations = (
-        ()
-        if identified is None
-        else tuple(record._replace(words=f"tare: {record.words}") for record in identified.declarations)
-    )
+    tare_declarations = [
+        record._replace(words=f"tare: {record.words}") for record in (identified.declarations if identified else ())
+    ]
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
     body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
