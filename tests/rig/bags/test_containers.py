@@ -321,7 +321,10 @@ def test_without_the_extra_its_name_is_told(tmp_path, package):
     [
         ({}, "header.stamp"),
         ({"header": {"stamp": {"sec": 1, "nsec": 2}, "frame_id": ""}}, "no field wrench.force"),
-        ({"header": {"stamp": {"sec": 1, "nsec": 2}}, "wrench": {"force": [1, 2], "torque": [1, 2, 3]}}, "does not have 3"),
+        (
+            {"header": {"stamp": {"sec": 1, "nsec": 2}}, "wrench": {"force": [1, 2], "torque": [1, 2, 3]}},
+            "does not have 3",
+        ),
         ({"header": {"stamp": {"sec": 1, "nsec": 2}}, "wrench": {"force": [1, 2, None], "torque": [1, 2, 3]}}, "None"),
         ([], "not a JSON object"),
     ],
