@@ -6,11 +6,12 @@ is weak, so that both delimiters and a known id are demanded too.
 """
 
 import struct
+from collections.abc import Callable, Generator
 from functools import partial
 from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
-from rig.devices.conversation import Conversation, Identity, ask
+from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
 from rig.exceptions import RigError
 
@@ -75,6 +76,12 @@ class RobotousParser(Parser):
         return [Sample(force + torque, flagged=frame[14] != 0)]
 
 
+def _ask(number: int, *parameters: int, before: bytes = b"") -> Generator[Send | Listen, Heard, bytes]:
+    """Send a command, after other bytes, until it is answered; returns D2..D16 of the reply."""
+    find: Callable[[bytes], bytes | None] = partial(find_reply, number=number)
+    return (yield from ask(before + command(number, *parameters), find))
+
+
 class Robotous(Device):
     """Options: ``rate`` 200, 333, 500 (from 230400 baud) or 1000 Hz (921600 baud only); ``model``; ``configure``.
 
@@ -99,21 +106,21 @@ class Robotous(Device):
 
     def conversation(self) -> Conversation:
         """Stop, ask model, serial number, firmware, filter; set the rate and read it back; start."""
-        answers = []
-        for number in (MODEL, SERIAL, FIRMWARE, GET_FILTER):
-            stop = command(STOP) if number == MODEL else b""
-            answers.append((yield from ask(stop + command(number), partial(find_reply, number=number))))
+        model = yield from _ask(MODEL, before=command(STOP))
+        serial = yield from _ask(SERIAL)
+        firmware = yield from _ask(FIRMWARE)
+        filter_code = yield from _ask(GET_FILTER)
         code = RATES[round(self.rate)]
-        yield from ask(command(SET_RATE, code), lambda d: find_reply(d, SET_RATE))
-        rate = yield from ask(command(GET_RATE), lambda d: find_reply(d, GET_RATE))
-        self._model = self._model or _text(answers[0])
-        yield from ask(command(START), lambda d: find_reply(d, START))
+        yield from _ask(SET_RATE, code)
+        rate = yield from _ask(GET_RATE)
+        self._model = self._model or _text(model)
+        yield from _ask(START)
         return Identity(
             model=self._model,
-            serial=_text(answers[1]),
-            firmware=_text(answers[2]),
-            settings={"filter": answers[3][:2].hex(" "), "rate_code": str(rate[0]), "rate_hz": f"{self.rate:g}"},
-            warnings=self._warnings(answers[3], rate[0], code),
+            serial=_text(serial),
+            firmware=_text(firmware),
+            settings={"filter": filter_code[:2].hex(" "), "rate_code": str(rate[0]), "rate_hz": f"{self.rate:g}"},
+            warnings=self._warnings(filter_code, rate[0], code),
         )
 
     def _warnings(self, filter_code: bytes, rate_code: int, wanted: int) -> tuple[str, ...]:

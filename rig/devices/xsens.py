@@ -5,17 +5,21 @@ bits 0 and 1: 0 f32, 1 FP12.20, 2 FP16.32, 3 f64; bits 2 and 3: the frame.
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
+from functools import partial
 from typing import ClassVar
 
 from rig.devices.base import Device, Emulator
-from rig.devices.conversation import Conversation, Identity, ascii_text, ask
+from rig.devices.conversation import Conversation, Heard, Identity, Listen, Send, ascii_text, ask
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample, Unwrapper
 
 MTDATA2, ERROR = 0x36, 0x42
-GOTO_CONFIG, GOTO_MEASUREMENT, SET_OUTPUT, REQUEST_ID, DEVICE_ID = 0x30, 0x10, 0xC0, 0x00, 0x01
-REQUEST_PRODUCT, PRODUCT, REQUEST_FIRMWARE, FIRMWARE = 0x1C, 0x1D, 0x12, 0x13
-KNOWN = frozenset([MTDATA2, ERROR, 0x31, 0x11, 0xC1, DEVICE_ID, PRODUCT, FIRMWARE, 0x3E])
+WAKE_UP = 0x3E
+COMMANDS = GOTO_CONFIG, GOTO_MEASUREMENT, SET_OUTPUT, REQUEST_ID, REQUEST_PRODUCT, REQUEST_FIRMWARE = (
+    0x30, 0x10, 0xC0, 0x00, 0x1C, 0x12
+)  # fmt: skip
+KNOWN = frozenset([MTDATA2, ERROR, WAKE_UP, *(command + 1 for command in COMMANDS)])
+"""Ids of the messages that come from the device: the answer to a command has the id that follows the command's."""
 COUNTER, TIME_FINE, ACCELERATION, RATE, STATUS = 0x1020, 0x1060, 0x4020, 0x8020, 0xE020
 CLIPPING = 0x0FF << 8  # clip flags of the status word: bits 8 to 16
 LONGEST = 2048
@@ -130,6 +134,12 @@ def find_message(data: bytes, mid: int) -> bytes | None:
     return next((frame[4:-1] for frame in XsensParser().frames(data) if frame[2] == mid), None)
 
 
+def _ask(command: int, content: bytes = b"", *, tries: int = 3) -> Generator[Send | Listen, Heard, bytes]:
+    """Send a command until it is answered; returns the payload of the answer."""
+    find: Callable[[bytes], bytes | None] = partial(find_message, mid=command + 1)
+    return (yield from ask(message(command, content), find, tries=tries))
+
+
 class Xsens(Device):
     """Options: ``rate`` [Hz] of acceleration and rate of turn; ``configure``."""
 
@@ -142,12 +152,12 @@ class Xsens(Device):
 
     def conversation(self) -> Conversation:
         """Configuration state, who are you, output configuration and what it became, measurement state."""
-        yield from ask(message(GOTO_CONFIG), lambda d: find_message(d, 0x31), tries=6)
-        serial = yield from ask(message(REQUEST_ID), lambda d: find_message(d, DEVICE_ID))
-        product = yield from ask(message(REQUEST_PRODUCT), lambda d: find_message(d, PRODUCT))
-        firmware = yield from ask(message(REQUEST_FIRMWARE), lambda d: find_message(d, FIRMWARE))
-        answer = yield from ask(message(SET_OUTPUT, self._outputs()), lambda d: find_message(d, 0xC1))
-        yield from ask(message(GOTO_MEASUREMENT), lambda d: find_message(d, 0x11))
+        yield from _ask(GOTO_CONFIG, tries=6)
+        serial = yield from _ask(REQUEST_ID)
+        product = yield from _ask(REQUEST_PRODUCT)
+        firmware = yield from _ask(REQUEST_FIRMWARE)
+        answer = yield from _ask(SET_OUTPUT, self._outputs())
+        yield from _ask(GOTO_MEASUREMENT)
         settings = {f"{i:04X}_hz": str(rate) for i, rate in struct.iter_unpack(">HH", answer[: len(answer) // 4 * 4])}
         wanted = round(self.rate)
         warnings = tuple(
@@ -173,7 +183,7 @@ class XsensEmulator(Emulator):
     """An MTi that takes the conversation above; it streams after a wake-up as the real one does."""
 
     STREAMS = True
-    BOOT = message(0x3E)
+    BOOT = message(WAKE_UP)
 
     def receive(self, data: bytes) -> bytes:
         """Acknowledge every intact message."""
@@ -186,7 +196,7 @@ class XsensEmulator(Emulator):
         if mid == SET_OUTPUT:
             rates = dict(struct.iter_unpack(">HH", data))
             self.rate = float(rates.get(ACCELERATION, self.rate))
-            return message(0xC1, data)
+            return message(mid + 1, data)
         facts = {REQUEST_ID: b"\0\0\0\x01", REQUEST_PRODUCT: b"MTi-emulated", REQUEST_FIRMWARE: b"\0\0\0"}
         return message(mid + 1, facts.get(mid, b""))
 
