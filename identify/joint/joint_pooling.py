@@ -26,7 +26,7 @@ class PooledJoint(NamedTuple):
     """Unknowns of each run; shared ones are equal in all runs."""
     covariance: np.ndarray
     """Covariance of the unknowns of the first run, (count, count)."""
-    prior_covariance: np.ndarray
+    from_prior: np.ndarray
     """Part of ``covariance`` that the errors of the prior cause, (count, count)."""
     scatter: float
     """Ratio of the scatter between runs to the scatter that their noise predicts; 1 for a single run."""
@@ -73,10 +73,10 @@ def pool(runs: Sequence[JointRun], shared: Iterable[str]) -> PooledJoint:
     carried[common], carried[~common] = np.eye(len(z)), first.by_shared
     carried = root @ carried
     covariance = carried @ spread @ carried.T + root[:, ~common] @ first.covariance @ root[:, ~common].T
-    prior_covariance = carried @ inverse @ precision @ inverse @ carried.T
+    from_prior = carried @ inverse @ precision @ inverse @ carried.T
     by_prior = carried @ inverse @ precision @ np.linalg.pinv(root)[common]
     return PooledJoint(
-        theta=theta, covariance=covariance, prior_covariance=prior_covariance, scatter=scatter,
+        theta=theta, covariance=covariance, from_prior=from_prior, scatter=scatter,
         degrees_of_freedom=freedom, by_prior=by_prior,
     )  # fmt: skip
 

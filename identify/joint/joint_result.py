@@ -118,8 +118,8 @@ def _budget(
     rows = {}
     for name, group in groups.items():
         if group:
-            before = prior_covariance[np.ix_(indices(group), indices(group))]
-            rows[name] = contribution(group, before - lasting @ lasting.T if name == "static poses" else before)
+            block = prior_covariance[np.ix_(indices(group), indices(group))]
+            rows[name] = contribution(group, block - lasting @ lasting.T if name == "static poses" else block)
     rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in error_effects.items()}
     total = np.diag(pooled.covariance)[tensor]
     residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
@@ -155,7 +155,7 @@ def _aligned(pooled: PooledJoint, name: str, factor: float) -> Aligned:
 
 def _share(pooled: PooledJoint, where: slice) -> np.ndarray:
     total = np.diag(pooled.covariance)[where]
-    return np.where(total > 0, np.diag(pooled.prior_covariance)[where] / np.where(total > 0, total, 1.0), 1.0)
+    return np.where(total > 0, np.diag(pooled.from_prior)[where] / np.where(total > 0, total, 1.0), 1.0)
 
 
 def _freedom(runs: Sequence[JointRun]) -> float:

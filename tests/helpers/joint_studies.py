@@ -42,8 +42,8 @@ def _one_laboratory(experiment, number, runs, seed):
         )
         truth = np.concatenate([laboratory.body.inertia, [delay], rotation, laboratory.body.r_cg_from_q])
         pooled = pool([joint], ())
-        total, prior_covariance = (np.diag(part)[SHOWN] for part in (pooled.covariance, pooled.prior_covariance))
-        rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), prior_covariance / total))
+        total, from_prior = (np.diag(part)[SHOWN] for part in (pooled.covariance, pooled.from_prior))
+        rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), from_prior / total))
     return tuple(np.array(part) for part in zip(*rows, strict=True))
 
 

@@ -327,10 +327,10 @@ def run_gravity(
         levers=levers, smooth=partial(smoothed, step),
         independent=STEP / WINDOW,
     )  # fmt: skip
-    return _Judgement(posed, attitude, declared, topic, time).verdict()
+    return _JudgedForce(posed, attitude, declared, topic, time).verdict()
 
 
-class _Judgement:
+class _JudgedForce:
     def __init__(
         self, posed: PosedForce, attitude: AttitudeSignal, declared: DeclaredRig, topic: str, time: np.ndarray
     ) -> None:
