@@ -110,8 +110,8 @@ def scale(name: str, unit: str) -> float:
 
 
 def printed(unit: str) -> str:
-    """Return a unit as it is printed: ``N·m`` of ``N*m``, ``m/s²`` of ``m/s^2``."""
-    return unit.replace("*", "·").replace("^2", "²")
+    """Return a unit as it is printed: ``N·m`` of ``N*m``, ``m/s²`` of ``m/s^2``, ``s^½`` of ``s**0.5``."""
+    return unit.replace("**0.5", "^½").replace("*", "·").replace("^2", "²")
 
 
 def _meant(name: str, unit: str, *, is_unit: bool = False) -> str:

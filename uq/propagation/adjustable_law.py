@@ -191,9 +191,12 @@ def _plain(values: np.ndarray) -> Any:
 
 def _described(source: Source) -> dict[str, Any]:
     """Name, group, unit and figure of a source: the largest axis's."""
-    kind, sizes = source.error_kind, source.error_kind.sizes
-    what, figures = ("σ", source.sigma) if np.any(source.sigma) or not sizes else (sizes[0], source.settings[sizes[0]])
-    unit = kind.targets[source.target]
+    kind = source.error_kind
+    what, figures, unit = "σ", source.sigma, kind.targets[source.target]
+    stated = [size for size in kind.sizes if size in source.settings]
+    if stated and not np.any(source.sigma):
+        what = stated[0]
+        figures, unit = source.settings[what], kind.unit_of_size(source.target, what)
     figure = float(np.max(np.abs(figures))) / part_of(unit)
     if unit in SMALL and figure < 0.01:
         unit, figure = SMALL[unit], 1000 * figure

@@ -106,7 +106,7 @@ class StillNoise(Result):
 
         seen = {
             name: _written(column, pattern.format(unit))
-            for name, column, pattern in zip(PARAMETERS, values.T, UNITS, strict=True)
+            for (name, pattern), column in zip(UNITS.items(), values.T, strict=True)
             if column.any()
         }
         if seen:

@@ -222,7 +222,12 @@ class ErrorKind:
 
         They are its :attr:`sizes`, in the unit of the target, unless the kind says otherwise.
         """
-        return {key: Annotated[np.ndarray, figures(self.targets[target], self.shape, above=0)] for key in self.sizes}
+        units = {key: self.unit_of_size(target, key) for key in self.sizes}
+        return {key: Annotated[np.ndarray, figures(unit, self.shape, above=0)] for key, unit in units.items()}
+
+    def unit_of_size(self, target: str, size: str) -> str:
+        """Return the unit in which one of :attr:`sizes` is read."""
+        return self.targets[target]
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the figures that are not drawn, in SI, from the values of :meth:`keys`; None: not stated.

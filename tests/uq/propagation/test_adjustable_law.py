@@ -96,10 +96,12 @@ def test_figures_have_units_one_can_type():
         source("a", "r_cg_from_omb", "bias", sigma=["1 mm", "2 mm", "1 mm"]),
         source("b", "F", "scale", sigma=["0.3 %"] * 3),
         source("c", "M", "quantisation", step=["0.001 N*m"] * 3),
+        source("d", "F", "coloured", white="0.004 N*s**0.5"),
     )
     told = law(given, "T", "central").adjustable()["sources"]
     assert [(of["what"], of["figure"], of["unit"]) for of in told] == [
         ("σ", 2.0, "mm"),
         ("σ", 0.3, "%"),
         ("step", 0.001, "N·m"),
+        ("white", 0.004, "N·s^½"),
     ]

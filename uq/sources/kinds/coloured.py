@@ -21,7 +21,7 @@ from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, figu
 
 PARAMETERS = ("white", "flicker", "random_walk")
 """N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""
-UNITS = ("{}*s**0.5", "{}", "{}/s**0.5")
+UNITS = dict(zip(PARAMETERS, ("{}*s**0.5", "{}", "{}/s**0.5"), strict=True))
 """Units of the parameters, in terms of the signal's unit."""
 
 
@@ -46,9 +46,12 @@ class Coloured(ErrorKind):
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the three parameters, each of which may be missing."""
-        units = [unit.format(self.targets[target]) for unit in UNITS]
-        stated = [Annotated[np.ndarray, figures(unit, self.shape, least=0)] | None for unit in units]
-        return dict(zip(PARAMETERS, stated, strict=True))
+        units = {name: self.unit_of_size(target, name) for name in PARAMETERS}
+        return {name: Annotated[np.ndarray, figures(unit, self.shape, least=0)] | None for name, unit in units.items()}
+
+    def unit_of_size(self, target: str, size: str) -> str:
+        """Return the unit of a parameter."""
+        return UNITS[size].format(self.targets[target])
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the parameters that are stated: nothing is drawn for the others."""
