@@ -15,6 +15,8 @@ from identify.rigid_body.regressor import Array, ArrayT
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
 PRODUCTS = (1, 2, 4)  # where the products of inertia stand
+ENTRIES = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
+"""Number of entries of the tensor that equal each packed component: weights of its squared Frobenius norm."""
 GRAM_METRE = 1e3
 """g·m² in a kg·m²."""
 

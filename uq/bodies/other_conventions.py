@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from identify.rigid_body.inertia import COMPONENTS, parallel_axis
+from identify.rigid_body.inertia import COMPONENTS, ENTRIES, parallel_axis
 from identify.rigid_body.inertial_parameters import Tensor
 from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.reference import SIGNS, Reference
@@ -19,8 +19,6 @@ REJECTED = 0.01
 """Probability of the joint chi-squared below which a deviation is more than chance."""
 VANISHED, SMALLER = 0.1, 1 / 3
 """Part of the deviation that may be left: where it is still beyond the uncertainties, and where it is within them."""
-DOUBLED = np.array([1.0, 2, 2, 1, 2, 1])
-"""Number of entries of the tensor that equal each packed component: weights of its squared Frobenius norm."""
 UNITS = {
     1e-9: "g·mm² for kg·m²", 1e-6: "kg·mm² for kg·m²", 1e-3: "g·m² for kg·m²", 1e3: "kg·m² for g·m²",
     1e6: "kg·m² for kg·mm²", 1e9: "kg·m² for g·mm²", 2.9263965e-4: "lb·in² for kg·m²", 4.2140110e-2: "lb·ft² for kg·m²",
@@ -86,7 +84,7 @@ def suspicions(measured: Tensor, reference: Reference) -> tuple[Suspicion, ...]:
 
 
 def _norm(packed: np.ndarray) -> float:
-    return float(np.sqrt(DOUBLED @ packed**2))
+    return float(np.sqrt(ENTRIES @ packed**2))
 
 
 def _simplest(candidates: Sequence[tuple[_Candidate, float]]) -> tuple[Suspicion, ...]:

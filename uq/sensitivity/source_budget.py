@@ -16,6 +16,7 @@ import numpy as np
 
 from identify.exceptions import explains_names
 from identify.floating_point import check_precision
+from identify.rigid_body.inertia import ENTRIES
 from uq.campaign.statistics import Statistics
 from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment, ExperimentError
@@ -30,10 +31,6 @@ from uq.sources.source import Source
 from uq.trials.chooser import EngineName
 from uq.trials.engine import run_trials
 from uq.trials.trial_loop import all_trials, finite_trials
-
-WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
-"""Number of entries of the tensor that equal each packed component. The sum of the variances of its nine entries, the
-trace of their covariance, does not depend on the body frame's axes."""
 
 
 @explains_names
@@ -184,14 +181,14 @@ def budget_of(twins: Twinned, errors: np.ndarray) -> SourceBudget:
     return SourceBudget(
         sources=_effects(twins.sources, source_effects, alone[:, g:]),
         groups=_effects(twins.groups, group_effects, alone[:, :g]),
-        without=none[0] if len(none) else np.full(len(WEIGHTS), np.nan),
+        without=none[0] if len(none) else np.full(len(ENTRIES), np.nan),
         mean_square=_mean_square(choices.mean(1), source_effects.variance),
         closure=ratio, closure_standard_error=ratio_error, failed=failed,
     )  # fmt: skip
 
 
 def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray) -> Effects:
-    first, total, shapley = effects.indices(WEIGHTS)
+    first, total, shapley = effects.indices(ENTRIES)
     assert first is not None and total is not None and shapley is not None  # noqa: S101, PT018 - a design gives all
     statistics: Mapping[str, Statistics] = {p.name: Statistics.of(alone[:, i]) for i, p in enumerate(players)}
     return Effects(
@@ -201,11 +198,12 @@ def _effects(players: Sequence[Player], effects: PairEffects, alone: np.ndarray)
 
 def _mean_square(error: np.ndarray, variance: np.ndarray) -> MeanSquare:
     """Bias and dispersion of all sources together, from each trial's mean over its choices and its variance."""
+    # the sum of the variances of the tensor's nine entries does not depend on the body frame's axes
     bias, bias_error = mean(error)
     mean_variance, variance_error = mean(variance)
-    component_shares = np.array([_bias_share(error[:, [k]], variance[:, [k]], np.ones(1)) for k in range(len(WEIGHTS))])
+    component_shares = np.array([_bias_share(error[:, [k]], variance[:, [k]], np.ones(1)) for k in range(len(ENTRIES))])
     share, share_error = component_shares.T
-    tensor_share, tensor_share_error = _bias_share(error, variance, WEIGHTS)
+    tensor_share, tensor_share_error = _bias_share(error, variance, ENTRIES)
     return MeanSquare(
         mean_error=bias, mean_error_standard_error=bias_error, variance=mean_variance,
         variance_standard_error=variance_error, bias_share=share, bias_share_standard_error=share_error,
