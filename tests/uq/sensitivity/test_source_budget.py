@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.rigid_body.inertia import COMPONENTS, unpack
+from identify.rigid_body.inertia import COMPONENTS, ENTRIES, unpack
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.small_campaign import document
 from uq.campaign.campaign import SamplingPlan, montecarlo
@@ -23,7 +23,7 @@ from uq.files.toml_text import toml_text
 from uq.report.report_files import files, report
 from uq.report.tables.budget import _name, findings, of_tensor, shares_by_component
 from uq.sensitivity.budget_shares import COLUMNS
-from uq.sensitivity.source_budget import WEIGHTS, _bias_share, budget, budget_of, twinned
+from uq.sensitivity.source_budget import _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.trials.engine import run_trials
@@ -96,7 +96,7 @@ def test_shares_of_linear_sources_are_the_closed_form(linear, closed):
     """105 comparisons at 4 standard errors: 0.7 % false alarms. The error of r meets the noise of F in the product r × F:
     an interaction, of some hundred-thousandths of the variance."""
     b = budget_of(linear[0], linear[1])
-    shares, whole = closed / closed.sum(0), closed @ WEIGHTS / (closed @ WEIGHTS).sum()
+    shares, whole = closed / closed.sum(0), closed @ ENTRIES / (closed @ ENTRIES).sum()
     for indices, product in ((b.sources.first, 1e-9), (b.sources.total, 1e-4), (b.sources.shapley, 1e-4)):
         assert (np.abs(indices.value - shares) <= 4 * indices.standard_error + product).all()
         assert (np.abs(indices.generalised - whole) <= 4 * indices.generalised_standard_error).all()
@@ -116,7 +116,7 @@ def coverage(errors, twins, closed, block):
         b = budget_of(twins, errors_of_budget)
         for indices in (b.sources.first, b.sources.shapley):
             hit = np.abs(indices.value - shares) <= 1.96 * indices.standard_error
-            whole = np.abs(indices.generalised - closed @ WEIGHTS / (closed @ WEIGHTS).sum())
+            whole = np.abs(indices.generalised - closed @ ENTRIES / (closed @ ENTRIES).sum())
             hits.append([*hit[shares > 1e-3], *(whole <= 1.96 * indices.generalised_standard_error)])
     return np.mean(hits)
 
