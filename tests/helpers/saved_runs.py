@@ -16,7 +16,7 @@ def written(path, compression="zstd", n=200):
             writer.add_metadata(name, runs.seal(name, facts))
         streams = []
         for channel in (wrench, imu):
-            number = register(writer, runs._type(channel), channel.topic)
+            number = register(writer, runs.message_type(channel), channel.topic)
             streams.append(runs._messages(channel, number))
         for pair in zip(*streams, strict=True):
             for time, number, data, stamp, sequence in pair:
