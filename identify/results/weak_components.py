@@ -43,7 +43,7 @@ def covariance_within_bodies(bounded: Admissible, covariance: Float[np.ndarray, 
     return widened
 
 
-def within_bodies(result: Identification, runs: Sequence[Run]) -> Identification:
+def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identification:
     """Return a result with the tensor and the intervals that bodies allow, where data are weak; else unchanged.
 
     Args:
@@ -53,6 +53,7 @@ def within_bodies(result: Identification, runs: Sequence[Run]) -> Identification
     Raises:
         RunError: what the motion determines is no body's.
     """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
     sigma = np.maximum(result.standard_uncertainty, 1e-300)
     factor = np.maximum(np.ptp(result.interval95, axis=1) / 2 / sigma, 1.0)
     bounded = admissible(result.inertia, result.covariance, factor, result.seen)

@@ -117,7 +117,7 @@ def test_a_thin_rods_tensor_is_a_bodys_and_the_plain_one_stands_beside(unjudged)
 def test_strong_data_are_left_alone():
     run = lab.run(np.array([0.30, 0.01, -0.02, 0.25, 0.01, 0.28]), lab.swing(60.0), np.random.default_rng(0))
     result = identify(run, r_cg=lab.R_CG, estimator=lab.SMOOTH)
-    np.testing.assert_array_equal(within_bodies(result, [run]).interval95, result.interval95)
+    np.testing.assert_array_equal(within_bodies(result, run).interval95, result.interval95)
     assert result.admissible is None
     assert result.to_dict()["admissible"] is None
 
