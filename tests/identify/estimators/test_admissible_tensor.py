@@ -22,7 +22,7 @@ def test_any_six_numbers_are_a_body_and_every_body_has_them(generator):
         inertia = np.asarray(log_cholesky(jnp.asarray(free)))
         assert bool(is_admissible(jnp.asarray(inertia)))
         np.testing.assert_allclose(free_of(inertia), free, atol=1e-6)
-    with pytest.raises(ValueError, match="must be a body's tensor"):
+    with pytest.raises(ValueError, match="must be a physically possible tensor"):
         free_of(np.array([1.0, 0, 0, 1.0, 0, 3.0]))
 
 
