@@ -242,7 +242,7 @@ def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
         rate=run.rate, residual=np.sqrt(np.diag(fitted_run.noise)[-3:]), correlation_time=1 / run.rate,
         offsets=_offsets(theta, covariance), alone=True, segments=run.segments, detected=run.detected,
         left_out=run.left_out, overview=run.overview, force_offset=theta[SLICES["force_offset"]],
-        trace=_trace(fitted_run, theta),
+        mounting=run.mounting, trace=_trace(fitted_run, theta),
     )  # fmt: skip
 
 

@@ -76,7 +76,7 @@ def silent_run(silent):
 
 def test_a_silent_run_tells_tensor_delay_and_rotation(brief, silent_run):
     """A simulated run with an IMU late by 7 ms and turned by 2.2°; the low-pass is flat within 1e-7."""
-    result = estimate(brief, silent_run)
+    result = estimate(brief, dataclasses.replace(silent_run, mounting="A"))
     np.testing.assert_allclose(result.inertia, brief.inertia, atol=5e-7 * brief.inertia.max())
     np.testing.assert_allclose(result.delay.value, [DELAY], atol=1e-8)
     np.testing.assert_allclose(result.rotation.value, ROTATION, atol=1e-6)
@@ -84,6 +84,7 @@ def test_a_silent_run_tells_tensor_delay_and_rotation(brief, silent_run):
     assert result.mass == pytest.approx(brief.mass, abs=1e-4)
     content = result.to_dict()
     assert content["method"] == "joint"
+    assert content["runs"][0]["mounting"] == "A"
     assert content["delay"]["estimated"]
     assert content["delay"]["prior_share"] < 1e-2
     np.testing.assert_allclose(content["rotation"]["rotation_vector"], ROTATION, atol=1e-6)
