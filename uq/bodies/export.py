@@ -20,6 +20,7 @@ from uq.files.output_folder import HasFiles
 
 ROUNDING = 1e-12
 """Part of the largest moment by which rounding may break the triangle inequality of a flat body."""
+FITTED = "the data are weak and the exported tensor is the nearest possible one"
 CHECK = "check signs, frames and r_CG, or record a more informative motion"
 CORRECT = "correct what is declared, or declare what else acts"
 FAR = 3.0
@@ -90,11 +91,7 @@ def _body(result: Any, *, force: bool) -> tuple[ExportedBody, tuple[str, ...]]:
     if doubts and not force:
         doubt, cure = doubts[0]
         raise RunError(f"{doubt}, so it is not exported: {cure}; --force exports it anyway")
-    fitted = (
-        ()
-        if weak is None
-        else (f"the data are weak and the exported tensor is the nearest possible one: {weak.reason}",)
-    )
+    fitted = () if weak is None else (f"{FITTED}: {weak.reason}",)
     warnings = (*(doubt for doubt, _ in doubts), *fitted)
     runs = [(run.file, run.sha256) for run in getattr(result, "runs", ())]
     runs += [] if tare is None else [(f"{file} (tare)", sha) for file, sha in tare.runs]

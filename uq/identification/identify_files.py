@@ -47,7 +47,7 @@ from uq.sources.source import KINDS, is_declared
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
 NO_SECOND = "no interval of mass and centre of gravity includes undeclared errors: run `inertia centre` again"
-FREE_CENTRE = "no centre of gravity is declared: it is estimated from the motion, within about 0.3 m of Q"
+FREE_CENTRE = "no centre of gravity is declared: it is estimated from the motion (prior: Q ± 0.3 m)"
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (possibly a consequence of the suspicions above: resolve those first)"
 
