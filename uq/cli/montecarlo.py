@@ -84,7 +84,7 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
         results: dict[str, list[Result]] = {}
         for name, campaign in campaigns.items():
             by_law = [laws[name]] if name in laws else []
-            results[name] = [campaign, *budgets[name], *(validate_law(found, campaign) for found in by_law)]
+            results[name] = [campaign, *budgets[name], *(validate_law(prediction, campaign) for prediction in by_law)]
             keep(folders[name], *results[name], *by_law)
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
