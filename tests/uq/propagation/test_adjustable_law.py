@@ -97,6 +97,7 @@ def test_figures_have_units_one_can_type():
         source("b", "F", "scale", sigma=["0.3 %"] * 3),
         source("c", "M", "quantisation", step=["0.001 N*m"] * 3),
         source("d", "F", "coloured", white="0.004 N*s**0.5"),
+        source("e", "M", "coloured", flicker="0 N*m"),
     )
     told = law(given, "T", "central").adjustable()["sources"]
     assert [(of["what"], of["figure"], of["unit"]) for of in told] == [
@@ -104,4 +105,5 @@ def test_figures_have_units_one_can_type():
         ("σ", 0.3, "%"),
         ("step", 0.001, "N·m"),
         ("white", 0.004, "N·s^½"),
+        ("flicker", 0.0, "N·m"),
     ]
