@@ -207,8 +207,8 @@ def alpha_noise(run: Run, estimator: EstimatorSpec) -> np.ndarray:
 
 def noise_in_normal(sigma: np.ndarray) -> np.ndarray:
     """Return what white noise of alpha on each axis [rad/s²] adds to ``ΩᵀΩ`` of one row, expected, (6, 6)."""
-    of_alpha = OMEGA_R_OF_FEATURES[ALPHA]
-    return np.einsum("k,kji,kje->ie", sigma**2, of_alpha, of_alpha)
+    alpha_rows = OMEGA_R_OF_FEATURES[ALPHA]
+    return np.einsum("k,kji,kje->ie", sigma**2, alpha_rows, alpha_rows)
 
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
