@@ -1,37 +1,18 @@
-"""The causes that are looked for: what each adds to force and moment, and its usual size; those that a run follows."""
+"""The causes that are looked for: what each adds to force and moment, its typical size, and those that runs follow."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.joint.joint_model import TEN
 from identify.joint.predicted_wrench import PredictedWrench
-from identify.joint.priors import indices
-from identify.judge.evidence import Base, Cause, Evidence, evidence
+from identify.judge.evidence import Base, Evidence, evidence
 from identify.judge.findings import Finding
 from identify.judge.run_fit import RunFit
+from identify.judge.typical_sizes import TYPICAL
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
 from identify.signals.resample import uniform_spline
-
-
-def causes(run: PredictedWrench, *, free: frozenset[str]) -> list[Cause]:
-    """Return the causes to look for.
-
-    Args:
-        run: at its best.
-        free: names of unknowns of which nothing is declared: these are no news.
-    """
-    made = [Cause(finding, *make(run)) for finding, make in SIGNALS.items() if UNKNOWNS.get(finding) not in free]
-    return [cause for cause in map(_acting, made) if len(cause.size)]
-
-
-def _acting(cause: Cause) -> Cause:
-    """A cause without the coefficients that do nothing."""
-    acting = cause.columns.any(axis=(0, 1)) & (cause.size > 0)
-    return Cause(cause.finding, cause.columns[:, :, acting], cause.size[acting])
-
 
 Made = tuple[np.ndarray, np.ndarray]
 """Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
@@ -197,7 +178,7 @@ def _slip(run: PredictedWrench) -> Made:
 
 
 def _mass(run: PredictedWrench) -> Made:
-    return run.derivative("mass"), 0.02 * np.abs(run.x["mass"])
+    return run.derivative("mass"), TYPICAL["mass"] * np.abs(run.x["mass"])
 
 
 UNKNOWNS = {
@@ -206,18 +187,18 @@ UNKNOWNS = {
 }  # fmt: skip
 """Causes that are one unknown of the joint model."""
 SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
-    Finding.DELAY: _unknown(("delay", 0.005)),
-    Finding.ROTATION: _unknown(("rotation", 0.03)),
-    Finding.CENTRE: _unknown(("r_cg", 0.003)),
+    Finding.DELAY: _unknown(("delay", TYPICAL["delay"])),
+    Finding.ROTATION: _unknown(("rotation", TYPICAL["load_cell_axes"])),
+    Finding.CENTRE: _unknown(("r_cg", TYPICAL["centre_of_gravity"])),
     Finding.MASS: _mass,
     Finding.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
-    Finding.GYRO_SCALE: _unknown(("gyro_scale", 0.005)),
+    Finding.GYRO_SCALE: _unknown(("gyro_scale", TYPICAL["gyro_scale"])),
     Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
-    Finding.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, 0.005)),
+    Finding.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, TYPICAL["gyro_axes"])),
     Finding.GYRO_LATE: _gyro_late,
     Finding.GYRO_G: _gyro_g,
-    Finding.GAIN: _matrix(lambda i, j: i == j, 0.005),
-    Finding.CROSS_TALK: _matrix(lambda i, j: i != j, 0.01),
+    Finding.GAIN: _matrix(lambda i, j: i == j, float(np.hypot(TYPICAL["force_gain"], TYPICAL["force_gain_by_axis"]))),
+    Finding.CROSS_TALK: _matrix(lambda i, j: i != j, TYPICAL["cross_talk"]),
     Finding.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
     Finding.JUMP: _wrench(_jump, 0.02),
     Finding.SLIP: _slip,
@@ -226,13 +207,22 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.AIR: _wrench(_air, 0.02),
     Finding.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
     Finding.TENSOR: _wrench(_moving, 0.01),
-    Finding.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, 0.01)),
-    Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, 0.005)),
+    Finding.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, TYPICAL["accelerometer_place"])),
+    Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, TYPICAL["accelerometer_scale"])),
     Finding.CLOCK: _clock,
     Finding.FILTER: _wrench(_late, 0.02),
     Finding.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
 }
-"""Functions that make the signals of each cause."""
+"""Functions that make the signals of each cause, for coefficients in SI, and their typical sizes."""
+OF_A_RUN = frozenset(
+    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE, Finding.TENSOR,
+     Finding.CLOCK}
+)  # fmt: skip
+"""Causes that belong to a run and are judged in it; all others belong to the rig and have one value in all runs."""
+IN_FLIGHT = frozenset({Finding.CENTRE, Finding.SLIP, Finding.CABLE, Finding.FLEXIBLE_MOUNTING})
+"""Causes that need a mounting, or weight: no body in free flight has them."""
+OF_A_ZERO = frozenset({Finding.DRIFT, Finding.JUMP})
+"""Causes that need a load cell's zero."""
 
 
 CHANCE = 1e-4
@@ -241,15 +231,20 @@ CHANCE = 1e-4
 Chance: as computed, some 24 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
 reach 6e-6 (``tests.helpers.judge_margins``).
 """
-LIKELY = 0.0
-"""Logarithm of the Bayes factor from which a cause is more probable than none.
-
-Definition: even odds. In 40 clean runs at most −0.2, in the middle −4.4 (``tests.helpers.judge_margins``).
-"""
-CLEAR = 3.0
-"""Logarithm of the Bayes factor from which a cause is more probable than another.
+LIKELY = 3.0
+"""Logarithm of the Bayes factor from which a cause is more probable than none, or than another.
 
 Definition: odds of twenty to one, strong evidence by Kass and Raftery (doi:10.1080/01621459.1995.10476572).
+"""
+UNLIKE = 1e-3
+"""Chance that a run departs from the value that all runs share, over all runs, below which they do not share one.
+
+Chance: one false alarm in a thousand causes that are there.
+"""
+IMPOSSIBLE = 1e-5
+"""Probability under its prior of a cause as large as it seems, below which it is not that cause.
+
+Prior: some 300 typical sizes: gains that are off by the whole, a gyro turned by a radian.
 """
 MOST = 3
 """Causes that are named of one run.
@@ -268,14 +263,79 @@ Choice: less may be an error of linearisation of the first.
 """
 
 
-class FollowedCause(NamedTuple):
-    """A cause that a run's residuals follow."""
+class Candidate(NamedTuple):
+    """A cause in the runs that would have it."""
 
+    finding: Finding
+    run: int | None
+    """Index of the run to which it belongs; None: it belongs to the rig, and all runs have it."""
+    size: Float[np.ndarray, " p"]
+    """Typical size of each coefficient, in SI."""
+    columns: list[np.ndarray]
+    """Change of the measured wrench of each run by a unit of each coefficient, (n, 6, p)."""
+    lines: list[np.ndarray]
+    """Its lines in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none of it."""
+
+    def judged(self, base: Base, *, white: bool = False) -> Evidence | None:
+        """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
+        if self.run is None:
+            return evidence(base, self.finding, self.size, self.lines, white=white)
+        of_run = base.of_run(self.run)
+        one = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
+        return None if one is None else one._replace(lines=self.lines)
+
+    def weighted(self, noise: Sequence[np.ndarray]) -> "Candidate":
+        """Return it with each line in units of its noise, whose mean squares are given."""
+        roots = [np.sqrt(np.maximum(power, 1e-300))[:, :, None] for power in noise]
+        return self._replace(lines=[part / root for part, root in zip(self.lines, roots, strict=True)])
+
+    def agrees(self, base: Base, verdict: Evidence) -> bool:
+        """Return whether the runs agree on its value."""
+        if self.run is not None or len(base.runs) == 1:
+            return True
+        common = base.absorbing(verdict.lines, verdict.scale)
+        apart = [evidence(common.of_run(k), self.finding, self.size, [part]) for k, part in enumerate(self.lines)]
+        return min([one.chance for one in apart if one is not None], default=1.0) * len(apart) > UNLIKE
+
+
+def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[Candidate]:
+    """Return the causes to look for.
+
+    Args:
+        fits: of the runs, at their best.
+        excluded: causes that cannot be, or that are no news.
+    """
+    made: list[Candidate] = []
+    for finding, make in SIGNALS.items():
+        if finding not in excluded:
+            parts = [make(fit.prediction) for fit in fits]
+            own: Iterable[int | None] = range(len(fits)) if finding in OF_A_RUN else [None]
+            made += [_candidate(finding, index, fits, parts) for index in own]
+    return [candidate for candidate in made if len(candidate.size)]
+
+
+def _candidate(finding: Finding, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> Candidate:
+    """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
+    own = parts if run is None else [parts[run]]
+    size = np.mean([sizes for _, sizes in own], axis=0)
+    acting = np.any([columns.any(axis=(0, 1)) for columns, _ in own], axis=0) & (size > 0)
+    columns = [columns[:, :, acting] * (run in (None, k)) for k, (columns, _) in enumerate(parts)]
+    lines = [fit.transformed(part * size[acting]) for fit, part in zip(fits, columns, strict=True)]
+    return Candidate(finding, run, size[acting], columns, lines)
+
+
+class FollowedCause(NamedTuple):
+    """A cause that the residuals follow."""
+
+    candidate: Candidate
     evidence: Evidence
-    rivals: tuple[str, ...]
+    rivals: tuple[str, ...] = ()
     """Other causes that are about as probable."""
-    changes: np.ndarray
-    """Errors that the cause makes in the joint model's mass, r_CG and packed tensor [kg], [m], [kg·m²]."""
+
+    @property
+    def columns(self) -> list[np.ndarray]:
+        """Change of the measured wrench of each run by a typical size of each coefficient, (n, 6, p) [N], [N·m]."""
+        return [columns * self.evidence.size for columns in self.candidate.columns]
 
     def sentence(self, quantity: str) -> str:
         """Return what the residuals follow, and the cure.
@@ -283,63 +343,111 @@ class FollowedCause(NamedTuple):
         Args:
             quantity: words for what was measured: force and moment, or the moment alone.
         """
-        finding, size = self.evidence.cause.finding, self.evidence.cause.size
-        spread = size * np.sqrt(np.maximum(np.diag(self.evidence.covariance), 0.0))
+        finding = self.candidate.finding
         also = f"; as probable: {', '.join(self.rivals)}" if self.rivals else ""
         verb = "looks" if quantity == "the moment" else "look"
-        return f"{quantity} {verb} {finding.phrase(self.evidence.values, spread)}{also}; {finding.cure}"
+        return f"{quantity} {verb} {finding.phrase(self.evidence.values, self.evidence.spread)}{also}; {finding.cure}"
 
 
 class Judgement(NamedTuple):
-    """Causes that a run's residuals follow, and the rest that none explains."""
+    """Causes that the runs' residuals follow, and the rest that none explains."""
 
     causes: list[FollowedCause]
     """Causes that the residuals follow, the most probable first."""
-    explained: float
-    """Part of the residuals' squares that these explain together."""
-    unexplained: float
-    """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row."""
-    row: int
-    """Row in which ``unexplained`` is largest, counted from the last: force from −6, moment from −3."""
+    implausible: FollowedCause | None
+    """The most probable of the causes on which the runs disagree, or whose size cannot be; None: there is none."""
+    explained: list[float]
+    """Part of each run's residuals' squares that these explain together."""
+    unexplained: list[float]
+    """Root mean square of what no cause explains, in the motion's band over that above it, on the worst row, by run."""
+    rows: list[int]
+    """Row of each run in which ``unexplained`` is largest, counted from the last: force from −6, moment from −3."""
 
 
-def _simplest(likely: Sequence[Evidence]) -> Evidence:
+def _simplest(likely: Sequence[FollowedCause]) -> FollowedCause:
     """The most probable cause, or a simpler one that explains nearly as much: many coefficients imitate a few."""
-    best = likely[0]
-    simpler = [e for e in likely if len(e.coefficients) < len(best.coefficients) and e.share > NEARLY * best.share]
-    return simpler[0] if simpler else best
+    best = likely[0].evidence
+    simpler = [
+        cause for cause in likely
+        if len(cause.evidence.size) < len(best.size) and cause.evidence.share > NEARLY * best.share
+    ]  # fmt: skip
+    return simpler[0] if simpler else likely[0]
 
 
-def followed(run: RunFit, free: frozenset[str], base: Base) -> Judgement:
-    """Return the causes that a run's residuals follow, and how much more than noise they leave.
+def _shown(base: Base, open_to: Sequence[Candidate]) -> list[FollowedCause]:
+    """The causes that the residuals show, the most probable first.
+
+    Each is looked for in the noise that it would leave. Those that show are compared in one noise, the least: else a
+    cause that follows the noise would make itself more probable.
+    """
+    judged = [FollowedCause(one, verdict) for one in open_to if (verdict := one.judged(base)) is not None]
+
+    def shown(cause: FollowedCause) -> bool:
+        tries = 1 if cause.candidate.run is None else len(base.runs)  # a run's cause has as many chances
+        enough = cause.evidence.logarithm - np.log(tries) > LIKELY
+        return bool(enough and cause.evidence.chance * tries < CHANCE)
+
+    causes = list(filter(shown, judged))
+    if len(causes) > 1:
+        most = max(causes, key=lambda cause: cause.evidence.power).evidence
+        noise = base.absorbing(most.lines, most.scale).noise
+        weighted = base.weighted(noise)
+        again = [cause.candidate.weighted(noise).judged(weighted, white=True) for cause in causes]
+        causes = [
+            cause._replace(evidence=cause.evidence.with_odds(verdict))
+            for cause, verdict in zip(causes, again, strict=True) if verdict is not None
+        ]  # fmt: skip
+    return sorted(causes, key=lambda cause: -cause.evidence.logarithm)
+
+
+def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -> Judgement:
+    """Return the causes that the residuals of all runs follow, and how much more than noise they leave in each.
 
     Args:
-        run: at its best.
-        free: unknowns of which nothing is declared.
-        base: the fitted unknowns, and what else is declared.
+        fits: of the runs, each at its best.
+        excluded: causes that cannot be, or that are no news.
+        base: the fitted unknowns of all runs, and what else is declared.
     """
-    ten = run.prior.root[indices(TEN)]
-    open_to = [(cause, run.transformed(cause.columns * cause.size)) for cause in causes(run.prediction, free=free)]
+    open_to, started = candidates(fits, excluded), base
     named: list[FollowedCause] = []
-    first = 0.0
-    while len(named) < MOST:
-        judged = [e for candidate in open_to if (e := evidence(base, *candidate)) is not None]
-        likely = sorted((e for e in judged if e.chance < CHANCE and e.logarithm > LIKELY), key=lambda e: -e.logarithm)
+    implausible, first = None, 0.0
+    while len(named) < MOST + len(fits) - 1:
+        shown = _shown(base, open_to)
+        likely = [
+            cause for cause in shown
+            if cause.evidence.predicted > IMPOSSIBLE and cause.candidate.agrees(base, cause.evidence)
+        ]  # fmt: skip
+        others = [cause for cause in shown if cause not in likely]
+        if others and (not likely or others[0].evidence.logarithm > likely[0].evidence.logarithm + LIKELY):
+            implausible = others[0]
+            break
         if not likely:
             break
         best = _simplest(likely)
-        power = float(np.square(base.beside(best.columns)[0] @ best.coefficients).sum())
+        power = float(
+            np.square(base.together(base.beside(best.evidence.lines).left) @ best.evidence.coefficients).sum()
+        )
         if named and power < ECHO * first:
             break
         first = first or power
-        rivals = tuple(
-            e.cause.finding.label for e in likely if e is not best and abs(best.logarithm - e.logarithm) < CLEAR
-        )
-        named.append(FollowedCause(best, rivals, ten @ best.shift[: len(run.z)]))
-        base = base.taking(best.columns, best.coefficients)
-        open_to = [candidate for candidate in open_to if candidate[0].finding is not best.cause.finding]
-    prediction = run.prediction
-    above = run.lines.above(prediction.counted(prediction.residuals[:, :, None])[:, :, 0])
-    ratio = np.sqrt(np.mean(base.residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
-    explained = 1 - float((base.residuals**2).sum() / max((run.base.residuals**2).sum(), 1e-300))
-    return Judgement(named, explained, float(ratio.max()), int(np.argmax(ratio)) - len(ratio))
+        rivals = dict.fromkeys(
+            cause.candidate.finding.label for cause in shown
+            if cause.candidate.finding is not best.candidate.finding
+            and abs(best.evidence.logarithm - cause.evidence.logarithm) < LIKELY
+        )  # fmt: skip
+        named.append(best._replace(rivals=tuple(rivals)))
+        base = base.absorbing(best.evidence.lines, best.evidence.scale)
+        open_to = [one for one in open_to if (one.finding, one.run) != (best.candidate.finding, best.candidate.run)]
+    rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, base.residuals, strict=True)]
+    squares = [[float((rows**2).sum()) for rows in one.residuals] for one in (base, started)]
+    return Judgement(
+        named, implausible, explained=[1 - after / max(before, 1e-300) for after, before in zip(*squares, strict=True)],
+        unexplained=[ratio for ratio, _ in rest], rows=[row for _, row in rest],
+    )  # fmt: skip
+
+
+def _left_over(fit: RunFit, residuals: Float[np.ndarray, "m rows"]) -> tuple[float, int]:
+    """Root mean square of residuals in the motion's band over that above it, on the worst row, and that row."""
+    above = fit.lines.above(fit.prediction.counted(fit.prediction.residuals[:, :, None])[:, :, 0])
+    ratio = np.sqrt(np.mean(residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
+    return float(ratio.max()), int(np.argmax(ratio)) - len(ratio)

@@ -165,6 +165,11 @@ class Finding(Enum):
         "the residual {quantity} on {axis} is {ratio:.1f} times what noise explains in the band of the motion: "
         "no known cause fits", "liquid or something loose inside? the interval is wider by as much"
     )  # fmt: skip
+    IMPLAUSIBLE = (
+        "unexplained",
+        "the residuals follow the motion, most like {label}, but the runs do not agree on its size, or no rig errs by "
+        "as much: no known cause fits", "the interval holds {component} {shift} g·m² off"
+    )  # fmt: skip
     REPEATABILITY = "repeatability", "the scatter of the runs is not what their residuals predict", ""
     ACCELERATION_IN_G = (
         "unit", "the median acceleration is {median:.3f}: it is probably in g, not m/s^2 (times 9.80665)",
@@ -311,7 +316,7 @@ class Finding(Enum):
             adds: what it does to the tensor.
             figures: of the pattern, beside ``axis``.
         """
-        text = f"{run}: {self.pattern.format(axis=axis, **figures)} ({self.label}); {self.cure}{adds}"
+        text = f"{run}: {self.pattern.format(axis=axis, **figures)} ({self.label}); {self.cure.format(**figures)}{adds}"
         return self.verdict(run, axis=axis, share=share, text=text)
 
     def on(self, topic: str, **figures: object) -> Contradiction:

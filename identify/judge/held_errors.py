@@ -18,10 +18,10 @@ from identify.joint.joint_pooling import shared_unknowns
 from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.prior_departure import FAR, declaration, departures
 from identify.joint.priors import STATIC, indices
-from identify.judge.causes import accelerometer_place, accelerometer_scale, derivative, gyro_axes
-from identify.judge.evidence import Evidence
+from identify.judge.causes import FollowedCause, accelerometer_place, accelerometer_scale, derivative, gyro_axes
 from identify.judge.findings import Finding
 from identify.judge.run_fit import RunFit, tensor_change
+from identify.judge.typical_sizes import TYPICAL
 from identify.methods.base import Problem
 from identify.results.declaration import Declaration
 from identify.results.identification_result import Identification
@@ -123,11 +123,6 @@ TYPICAL_MASS = 0.005
 
 Prior: typical gains of force and accelerometer, error of gravity and of a scale together, as `[undeclared]` has them.
 """
-TYPICAL_CENTRE = 0.001
-"""Standard uncertainty that a centre of gravity declared without one counts with [m].
-
-Prior: as `[undeclared]` has it.
-"""
 
 
 def exact_quantities(problem: Problem) -> dict[Finding, str]:
@@ -140,33 +135,35 @@ def exact_quantities(problem: Problem) -> dict[Finding, str]:
     return exact
 
 
-def exact_declaration(cause: Evidence, problem: Problem) -> Declaration:
+def exact_declaration(cause: FollowedCause, problem: Problem) -> Declaration:
     """Return the record of the exact quantity that a cause blames."""
-    name = exact_quantities(problem)[cause.cause.finding]
+    name = exact_quantities(problem)[cause.candidate.finding]
     declared = problem.r_cg if name == "r_cg" else np.array([problem.mass])
-    sigma = TYPICAL_CENTRE if name == "r_cg" else TYPICAL_MASS * float(declared[0])
-    change = cause.values
+    sigma = TYPICAL["centre_of_gravity"] if name == "r_cg" else TYPICAL_MASS * float(declared[0])
+    change = cause.evidence.values
     worst = int(np.argmax(np.abs(change)))
     return declaration(name, worst, declared[worst] + change[worst], declared[worst], sigma, exact=True)
 
 
 def departing_declarations(
-    problem: Problem, fits: Sequence[RunFit], exact_errors: Sequence[Sequence[Evidence]]
+    problem: Problem, fits: Sequence[RunFit], exact_errors: Sequence[FollowedCause]
 ) -> tuple[Declaration, ...]:
     """Return the quantities declared with an uncertainty that the runs place elsewhere, by one fit of all of them.
 
     Args:
         problem: runs, and what is declared.
         fits: of the runs, each at its best under the same prior.
-        exact_errors: causes in each run that blame exact quantities: what they explain counts as explained.
+        exact_errors: causes that blame exact quantities: what they explain counts as explained.
     """
     if not fits:
         return ()
     prior = fits[0].prior
     rows = [
         (fit.residuals + fit.columns @ fit.best)[:, :, None]
-        - sum(fit.transformed(cause.added[:, :, None]) for cause in causes)
-        for fit, causes in zip(fits, exact_errors, strict=True)
+        - sum(
+            fit.transformed((cause.columns[number] @ cause.evidence.coefficients)[:, :, None]) for cause in exact_errors
+        )
+        for number, fit in enumerate(fits)
     ]
     shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
     theta = prior.mean + pooled_change(fits, rows, shared)[:, 0]

@@ -23,7 +23,7 @@ from identify.exceptions import RunError
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, SpecificForce
 from identify.joint.priors import PriorBlock, Setting, error_blocks, root_of
-from identify.judge.judged_result import declared_of, falls, rows_in_band, start_of
+from identify.judge.judged_fits import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.methods.base import Problem, estimator_of
 from identify.methods.joint import specific_force_source
@@ -145,8 +145,8 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     residuals, free, frequency = [], [], []
     for fit in fits:
         residuals.append((fit.residuals @ np.linalg.inv(fit.lines.whitener).T)[1:])
-        free.append(1 - fit.base.leverage[1:])
-        frequency.append(_frequencies(fit)[1:])
+        free.append(1 - fit.base.leverage[0][1:])
+        frequency.append(fit.frequency[1:])
     order = np.argsort(np.concatenate(frequency), kind="stable")
     rows, freedom = np.concatenate(residuals)[order], np.concatenate(free)[order]
     size = np.maximum(np.sqrt((rows**2).mean(axis=0)), 1e-300)
@@ -154,11 +154,6 @@ def noise_of(fits: Sequence[RunFit]) -> ResidualNoise:
     values = shown.values * np.outer(size, size)
     first, last = shown.windows(slice(None))
     return ResidualNoise(np.concatenate(frequency)[order], values, freedom.sum(axis=0), (last - first).astype(float))
-
-
-def _frequencies(fit: RunFit) -> np.ndarray:
-    """Return the frequencies of a run's lines [Hz]."""
-    return np.arange(len(fit.residuals)) / (2 * fit.lines.interval * len(fit.prediction.signals.t))
 
 
 def _predicted(
@@ -246,7 +241,7 @@ def _compared(
         noise: that the others show.
         freedom_of_estimate: degrees of freedom of the estimate's covariance.
     """
-    at = noise.at(_frequencies(fit))
+    at = noise.at(fit.frequency)
     weighed = np.linalg.solve(at, np.concatenate([local, by_estimate, y[:, :, None]], axis=2))
     q = local.shape[2]
     covariance = inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))

@@ -4,38 +4,34 @@ In free flight nothing tells the attitude, and no cause can be judged.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.exceptions import RunError
-from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import Alignment, PriorBlock, Setting, error_blocks
+from identify.joint.joint_pooling import shared_unknowns
+from identify.joint.priors import root_of
 from identify.judge import held_errors
-from identify.judge.causes import FollowedCause, Judgement, followed, gyro_axes
-from identify.judge.conventions.convention_fit import ImuSignal
-from identify.judge.conventions.imu_conventions import in_free_fall
-from identify.judge.conventions.removed_weight import LEAST_WEIGHT
-from identify.judge.evidence import Evidence
+from identify.judge.causes import IN_FLIGHT, OF_A_ZERO, UNKNOWNS, FollowedCause, Judgement, followed, gyro_axes
+from identify.judge.evidence import Base
 from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.held_errors import GYRO, by_held_errors
+from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
 from identify.judge.resonance import lines_of, resonance, saturated
 from identify.judge.run_fit import (
     DIFFERENT,
     RunFit,
-    fit_run,
+    base_of,
     least_squares_cause,
     least_squares_difference,
     tensor_change,
 )
 from identify.methods.base import Problem
-from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
-from identify.rigid_body.rotation import cumulative_product, exponentials
-from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
 WIDENS = 0.2
@@ -59,29 +55,12 @@ EXPLAINS = 0.5
 
 Choice: half; a body that sloshes at 1.5 Hz leaves more to all causes together.
 """
-EQUALLY = 1.2
-"""Ratio of residuals with a point at rest to those with the accelerometer below which the base may have one.
+LISTED = 4
+"""Most runs that a finding names.
 
-Choice: then causes are looked for both ways, which costs time alone.
-"""
-LOOSE = 1.0
-"""Standard uncertainty of a point at rest that is not declared [m].
-
-Prior: wider than any rig.
-"""
-FORCE_ALONE = ("mass", "force_offset")
-"""Unknowns that only the force tells."""
-MOST_PERIODS = 5_000
-"""Periods of the motion's highest frequency behind which a run is no longer judged.
-
-Choice: half an hour of a motion up to 2.5 Hz; half a gigabyte of memory.
+Choice: what fits a line; ``result.json`` has all.
 """
 ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
-AXES_KEPT = 10.0
-"""Seconds over which a gyro keeps axes, whatever its bias.
-
-Choice: a bias of 0.02 rad/s turns them by 0.2 rad, which leaves 98 % of a mean.
-"""
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -94,30 +73,30 @@ def judged(result: Identification, problem: Problem) -> Identification:
         result: of an estimator.
         problem: that it was given.
     """
-    verdicts: list[ResidualCause] = []
-    declarations, exact_errors = list(result.declarations), list[list[Evidence]]()
-    explained: list[str] = []
-    shifts, held = np.zeros(6), None
-    if result.seen is None:
-        fits = [_fits(run, result, problem) for run in problem.runs]
-        for run, run_fits in zip(problem.runs, fits, strict=True):
-            named, shift, exact = _of_run(run, result, problem, run_fits)
-            verdicts += named
-            exact_errors.append(exact)
-            shifts += shift / len(problem.runs)
-        candidates = [_fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
-        estimator_fits = [fit for fit in candidates if fit]
-        if len(estimator_fits) == len(problem.runs):
-            held = by_held_errors(result, problem, estimator_fits)
-        errors = [error for error, fit in zip(exact_errors, candidates, strict=True) if fit]
-        departing = held_errors.departing_declarations(problem, estimator_fits, errors)
-        if result.method != "joint":
-            declarations += departing
-        elif any(errors):  # an exact quantity that is off has moved the other of the two in the joint estimate
-            open_to = {"mass", "r_cg"} - {record.quantity for record in departing}
-            explained = [record.text for record in declarations if record.quantity in open_to]
-            declarations = [record for record in declarations if record.quantity not in open_to]
-    declarations += (held_errors.exact_declaration(cause, problem) for causes in exact_errors for cause in causes)
+    if result.seen is not None:
+        return replace(result, declarations=held_errors.farthest(result.declarations))
+    declarations, explained = list(result.declarations), list[str]()
+    fits = [fits_of(run, result, problem) for run in problem.runs]
+    examination = examined(fits, result, problem)
+    if examination is None:
+        found, exact_errors = (
+            merged([Contribution(one) for run in problem.runs for one in saturated(run)], len(fits)),
+            [],
+        )
+    else:
+        found, exact_errors = examination.contributions(), examination.exact_errors
+    verdicts = [one.finding for one in found]
+    candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
+    estimator_fits = [fit for fit in candidates if fit]
+    held = by_held_errors(result, problem, estimator_fits) if len(estimator_fits) == len(problem.runs) else None
+    departing = held_errors.departing_declarations(problem, estimator_fits, exact_errors)
+    if result.method != "joint":
+        declarations += departing
+    elif exact_errors:  # an exact quantity that is off has moved the other of the two in the joint estimate
+        open_to = {"mass", "r_cg"} - {record.quantity for record in departing}
+        explained = [record.text for record in declarations if record.quantity in open_to]
+        declarations = [record for record in declarations if record.quantity not in open_to]
+    declarations += (held_errors.exact_declaration(cause, problem) for cause in exact_errors)
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
     with_causes = replace(
@@ -129,7 +108,8 @@ def judged(result: Identification, problem: Problem) -> Identification:
     )
     if result.method == "joint" and held is not None:  # the others count them by their source
         with_causes = with_gyro_turns(with_causes, held[GYRO], _declared_turns(problem))
-    return with_misfit(with_causes, shifts * result.determined)
+    changes = np.hstack([np.zeros((6, 0)), *(one.changes for one in found)])
+    return with_misfit(with_causes, changes * result.determined[:, None])
 
 
 def _declared_turns(problem: Problem) -> dict[str, np.ndarray]:
@@ -156,96 +136,261 @@ def with_gyro_turns(
     return replace(result, budget=budget or None)
 
 
-def with_misfit(result: Identification, shift: np.ndarray) -> Identification:
-    """Return a result with a shift of its tensor as a further standard uncertainty.
+def with_misfit(result: Identification, changes: Float[np.ndarray, "6 k"]) -> Identification:
+    """Return a result with what the judge found as further standard uncertainties.
 
     Args:
         result: without it.
-        shift: of each component [kg·m²].
+        changes: of the tensor by one standard uncertainty of each of k independent findings [kg·m²].
     """
+    shift = np.linalg.norm(changes, axis=1)
     if not shift.any():
         return result
     middle = result.inertia[:, None]
-    reach = np.hypot(result.interval95 - middle, 2 * np.abs(shift)[:, None])
+    reach = np.hypot(result.interval95 - middle, 2 * shift[:, None])
     least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
-    budget = None if result.budget is None else {**result.budget, "model misfit": np.abs(shift)}
+    budget = None if result.budget is None else {**result.budget, "model misfit": shift}
     return replace(
-        result, covariance=result.covariance + np.outer(shift, shift),
-        interval95=np.maximum(middle + reach * [-1, 1], least), budget=budget, misfit=shift,
+        result, covariance=result.covariance + changes @ changes.T,
+        interval95=np.maximum(middle + reach * [-1, 1], least), budget=budget, misfit=changes,
     )  # fmt: skip
 
 
-def _of_run(
-    run: Run, result: Identification, problem: Problem, fits: list[RunFit]
-) -> tuple[list[ResidualCause], np.ndarray, list[Evidence]]:
-    """Verdicts of one run, the sum of the shifts that they stand for, and errors of exact quantities without rival."""
-    if not fits:
-        return saturated(run), np.zeros(6), []
+class Contribution(NamedTuple):
+    """A finding, and what it adds to the tensor's uncertainty."""
+
+    finding: ResidualCause
+    changes: Float[np.ndarray, "6 k"] = np.zeros((6, 0))
+    """Changes of the tensor by one standard uncertainty of each of k independent errors [kg·m²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """Runs at their best together, with what their residuals follow."""
+
+    result: Identification
+    problem: Problem
+    runs: Sequence[Run]
+    """The runs that are long enough."""
+    weights: Sequence[float]
+    """Weight of each run in the pooled tensor."""
+    fits: Sequence[RunFit]
+    """Of each run, by the first way to have its specific force."""
+    last: tuple[Sequence[RunFit], Base]
+    """Fits by the last way, and their unknowns."""
+    named: Mapping[Finding, Sequence[FollowedCause]]
+    """Causes by finding, where each shows most first."""
+    judgement: Judgement
+    """That by the way which leaves the least unexplained."""
+
+    @property
+    def count(self) -> int:
+        """Number of runs in the pooled tensor."""
+        return len(self.problem.runs)
+
+    @cached_property
+    def u(self) -> Float[np.ndarray, "6"]:
+        """Standard uncertainty of the tensor without the judge's findings [kg·m²]; 0 where it is not determined."""
+        return np.nan_to_num(self.result.standard_uncertainty)
+
+    @cached_property
+    def exact(self) -> dict[Finding, str]:
+        """Quantities that count as exact, by the finding that blames them."""
+        return held_errors.exact_quantities(self.problem)
+
+    @property
+    def exact_errors(self) -> list[FollowedCause]:
+        """Errors of exact quantities that have no rival."""
+        return [causes[0] for finding, causes in self.named.items() if finding in self.exact and not causes[0].rivals]
+
+    def contributions(self) -> list[Contribution]:
+        """Return all findings, the most important first."""
+        saturations = [Contribution(finding) for run in self.problem.runs for finding in saturated(run)]
+        causes = [one for finding, causes in self.named.items() for one in self._of_cause(finding, causes)]
+        silent = {one.finding.run for one in saturations}
+        of_runs = [one for k in range(len(self.runs)) for one in self._of_run(k, silent)]
+        rest = unexplained_once([*merged([*saturations, *of_runs], self.count), *self._of_implausible()])
+        # causes that explain little imitate what is not looked for, which then comes first
+        first, others = _split(rest) if self._imitated else ([], rest)
+        return [*first, *causes, *others]
+
+    @property
+    def _imitated(self) -> bool:
+        return bool(self.named) and min(self.judgement.explained) <= EXPLAINS
+
+    def effects(self, cause: FollowedCause) -> Float[np.ndarray, "10 p"]:
+        """Return the changes of the ten parameters by a typical size of each coefficient of a cause."""
+        if self.result.method == "joint":
+            return cause.evidence.effects
+        by_tensor = tensor_change(self.fits, self.weights, cause.columns)
+        return np.vstack([np.zeros((4, by_tensor.shape[1])), by_tensor])
+
+    def largest(self, changes: Float[np.ndarray, "6"]) -> tuple[int, float]:
+        """Return the component that changes most for its standard uncertainty, and by how many of these."""
+        ratio = np.abs(changes) / self.u.clip(1e-300)
+        return int(np.argmax(ratio)), float(ratio.max())
+
+    def _of_cause(self, finding: Finding, causes: Sequence[FollowedCause]) -> list[Contribution]:
+        """A cause in all its runs; none where it neither moves the tensor nor explains much."""
+        pairs = [(self.effects(cause), cause.evidence) for cause in causes]
+        changes = np.sum([by @ evidence.coefficients for by, evidence in pairs], axis=0)
+        if finding in self.exact:  # which the result keeps, though it errs
+            changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[self.exact[finding]]] = causes[0].evidence.values
+        worst, moved = self.largest(changes[4:])
+        small = moved < MATTERS and causes[0].evidence.share < WIDENS
+        if small and max(self.judgement.unexplained) < UNEXPLAINED and finding not in self.exact:
+            return []
+        leading, names = causes[0].evidence, [run.name for run in self.runs]
+        where = [names[cause.candidate.run] for cause in causes if cause.candidate.run is not None] or names
+        moves = f"; it would shift {COMPONENTS[worst]} by {signed(GRAM_METRE * changes[4 + worst])} g·m²"
+        sentence = causes[0].sentence(self.fits[0].prediction.quantity)
+        verdict = finding.verdict(
+            ", ".join(where), axis=f"b{1 + int(np.argmax((leading.explained**2).sum(axis=0)[-3:]))}",
+            share=leading.share, changes=tuple(changes.tolist()),
+            text=f"{named_runs(where, self.count)}: {sentence}{moves if moved > ROUNDING else ''}",
+        )  # fmt: skip
+        uncertain = [by[4:] @ root_of(evidence.covariance) for by, evidence in pairs]
+        return [Contribution(verdict, np.hstack([changes[4:, None], *uncertain]))]
+
+    def _of_run(self, k: int, silent: set[str]) -> list[Contribution]:
+        """What is found in one run beside the causes."""
+        run, judgement, found = self.runs[k], self.judgement, list[Contribution]()
+        fits, base = self.last
+        if not self.named and run.name not in silent:
+            no_news = MATTERS * self.count * self.u  # a run's part in the pooled tensor
+            apart = least_squares_difference(fits[k], base.of_run(k), no_news)
+            if apart.chance < DIFFERENT:
+                found.append(Contribution(least_squares_cause(apart, run.name), apart.value[:, None] / self.count))
+        imitated = bool(self.named) and judgement.explained[k] <= EXPLAINS
+        left_over = judgement.unexplained[k]
+        if left_over > (IMITATED if imitated else UNEXPLAINED):
+            verdict = _unexplained(run, left_over, judgement.rows[k])
+            found.append(Contribution(verdict, np.diag(left_over * self.u / np.sqrt(self.count))))
+        lines = [] if self.result.method == "joint" else lines_of(run, self.result)
+        peak, changes = resonance(run, self.problem.band), np.zeros((6, 0))
+        if peak is not None:
+            motion = self.fits[k].prediction.signals
+            by_mounting = peak.added_to_tensor(motion.omega, motion.alpha, self.result.inertia)
+            lines = lines or [peak.verdict(run, by_mounting)]
+            changes = np.diag(by_mounting / np.sqrt(self.count))
+        return found + [Contribution(line, changes if line is lines[0] else np.zeros((6, 0))) for line in lines]
+
+    def _of_implausible(self) -> list[Contribution]:
+        """What follows the motion in all runs, but is no cause that is known: it is not divided by their number."""
+        cause = self.judgement.implausible
+        if cause is None:
+            return []
+        changes = self.effects(cause)[4:] @ cause.evidence.coefficients
+        worst, moved = self.largest(changes)
+        if moved < MATTERS:
+            return []
+        names = [run.name for run in self.runs]
+        where = names if cause.candidate.run is None else [names[cause.candidate.run]]
+        axis = f"b{1 + int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))}"
+        verdict = Finding.IMPLAUSIBLE.cause(
+            named_runs(where, self.count), axis=axis, share=cause.evidence.share, label=cause.candidate.finding.label,
+            component=COMPONENTS[worst], shift=signed(GRAM_METRE * changes[worst]),
+        )  # fmt: skip
+        return [Contribution(verdict._replace(run=", ".join(where)), changes[:, None])]
+
+
+def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Problem) -> Examination | None:
+    """Return what the residuals of all runs follow together; None: no run is long enough."""
+    numbers = [number for number, ways in enumerate(fits) if ways]
+    if not numbers:
+        return None
+    runs = [problem.runs[number] for number in numbers]
+    by_way = [{fit.prediction.force_from: fit for fit in reversed(fits[number])} for number in numbers]
+    common = [way for way in by_way[0] if all(way in ways for ways in by_way)]
+    together = [[ways[way] for ways in by_way] for way in reversed(common)] or [[fits[number][0] for number in numbers]]
+    bases = [_base(way, problem) for way in together]
+    excluded = _excluded(problem, result, runs)
+    judgements = [followed(way, excluded, base) for way, base in zip(together, bases, strict=True)]
+    return Examination(
+        result=result, problem=problem, runs=runs, weights=[result.runs[number].weight for number in numbers],
+        fits=[fits[number][0] for number in numbers], last=(together[-1], bases[-1]),
+        named=_named_once(judgements, result),
+        judgement=min(judgements, key=lambda judgement: max(judgement.unexplained)),
+    )  # fmt: skip
+
+
+def _base(fits: Sequence[RunFit], problem: Problem) -> Base:
+    """The unknowns of all runs at their best together, with what is declared beside them."""
+    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
+    if len({run.mounting for run in problem.runs}) > 1:  # each mounting has its own
+        shared = shared - {"r_cg"}
+    base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU
-    bases = [fit.base.absorbing(fit.transformed(gyro_axes(fit.prediction) @ axes)) for fit in fits]
+    turns = [fit.transformed(gyro_axes(fit.prediction) @ axes) for fit in fits]
+    return base.absorbing(turns) if axes.size else base
+
+
+def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[Finding]:
+    """Causes that the experiment excludes, or of which nothing is declared, so that they are no news."""
     free = _undeclared(problem, result)
-    judgements = [followed(fit, free, base) for fit, base in zip(fits, bases, strict=True)]
-    named = _named_once(judgements, result)
-    exact = held_errors.exact_quantities(problem)
-    best = min(judgements, key=lambda judgement: judgement.unexplained)
-    left_over = best.unexplained
-    verdicts, total, quantity = saturated(run), np.zeros(6), fits[0].prediction.quantity
-    for finding, cause in named.items():
-        changes = _changes(cause, result, fits[0], exact.get(finding))
-        shift = changes[4:]
-        ratio = np.abs(shift) / np.nan_to_num(result.standard_uncertainty).clip(1e-300)
-        worst = int(np.argmax(ratio))
-        small = ratio[worst] < MATTERS and cause.evidence.share < WIDENS
-        if small and left_over < UNEXPLAINED and finding not in exact:
-            continue
-        moves = f"; it would shift {COMPONENTS[worst]} by {signed(GRAM_METRE * shift[worst])} g·m²"
-        text = f"{run.name}: {cause.sentence(quantity)}{moves if ratio[worst] > ROUNDING else ''}"
-        axis = int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))
-        share = cause.evidence.share
-        verdicts.append(
-            finding.verdict(run.name, axis=f"b{axis + 1}", share=share, text=text, changes=tuple(changes.tolist()))
-        )
-        total = total + shift
-    if not named and not verdicts:
-        apart = least_squares_difference(fits[-1], bases[-1], np.nan_to_num(result.standard_uncertainty))
-        if apart.chance < DIFFERENT:
-            verdicts.append(least_squares_cause(apart, run.name))
-            total = np.hypot(total, apart.value)
-    lines = [] if result.method == "joint" else lines_of(run, result)
-    imitated = bool(named) and best.explained <= EXPLAINS
-    if left_over > (IMITATED if imitated else UNEXPLAINED):
-        # causes that explain little imitate what is not looked for, which then comes first
-        verdicts.insert(len(verdicts) if best.explained > EXPLAINS else 0, _unexplained(run, left_over, best.row))
-        total = np.hypot(total, left_over * result.standard_uncertainty)
-    peak = resonance(run, problem.band)
-    if peak is not None:
-        motion = fits[0].prediction.signals
-        by_mounting = peak.added_to_tensor(motion.omega, motion.alpha, result.inertia)
-        lines = lines or [peak.verdict(run, by_mounting)]
-        total = np.hypot(total, by_mounting)
-    alone = [cause.evidence for finding, cause in named.items() if finding in exact and not cause.rivals]
-    return verdicts + lines, total, alone
+    excluded = {finding for finding, unknown in UNKNOWNS.items() if unknown in free}
+    if all(falls(run, result, problem) for run in runs):
+        excluded |= IN_FLIGHT
+    return frozenset(excluded | (OF_A_ZERO if problem.offsets == "none" else set()))
 
 
-def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, FollowedCause]:
-    """Causes that the judgements of a run name, each by the first that does, of those that can err in the result."""
+def named_runs(names: Sequence[str], count: int) -> str:
+    """Return the runs of a finding in words, of so many."""
+    if len(names) == count:
+        return names[0] if count == 1 else f"all {count} runs"
+    listed = ", ".join(names[:LISTED]) + ", …" * (len(names) > LISTED)
+    return listed if len(names) == 1 else f"{len(names)} of {count} runs ({listed})"
+
+
+def merged(found: Sequence[Contribution], count: int) -> list[Contribution]:
+    """Return findings on single runs with one line for each, in the words of the run where it shows most.
+
+    Args:
+        found: whose text begins with their run.
+        count: of all runs.
+    """
+    groups: dict[tuple[str, str], list[Contribution]] = {}
+    for one in found:
+        axis = one.finding.axis * (one.finding.cause != Finding.UNEXPLAINED.label)
+        groups.setdefault((one.finding.cause, axis), []).append(one)
+    lines = []
+    for group in groups.values():
+        largest = max(group, key=lambda one: one.finding.share).finding
+        names = list(dict.fromkeys(one.finding.run for one in group))
+        words = largest.text.removeprefix(f"{largest.run}: ")
+        text = f"{named_runs(names, count)}: {words}{f' (as in {largest.run})' if len(names) > 1 else ''}"
+        changes = np.hstack([one.changes for one in group])
+        lines.append(Contribution(largest._replace(run=", ".join(names), text=text), changes))
+    return lines
+
+
+def _split(found: Sequence[Contribution]) -> tuple[list[Contribution], list[Contribution]]:
+    """What no cause explains, and the other findings."""
+    unexplained = [one.finding.cause == Finding.UNEXPLAINED.label for one in found]
+    pairs = list(zip(found, unexplained, strict=True))
+    return [one for one, is_it in pairs if is_it], [one for one, is_it in pairs if not is_it]
+
+
+def unexplained_once(found: Sequence[Contribution]) -> list[Contribution]:
+    """Return findings with one line on what no cause explains, the first, and what all of it costs."""
+    unexplained, others = _split(found)
+    if not unexplained:
+        return others
+    return [Contribution(unexplained[0].finding, np.hstack([one.changes for one in unexplained])), *others]
+
+
+def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, list[FollowedCause]]:
+    """Causes of the first judgement that names any which can err in the result; the run where each shows most first."""
     others = ACCELEROMETER_CAUSES if result.method != "joint" else ()
-    named: dict[Finding, FollowedCause] = {}
-    for cause in (cause for judgement in judgements for cause in judgement.causes):
-        if cause.evidence.cause.finding not in others:
-            named.setdefault(cause.evidence.cause.finding, cause)
-    return named
-
-
-def _changes(cause: FollowedCause, result: Identification, fit: RunFit, exact: str | None) -> Float[np.ndarray, "10"]:
-    """Changes of the ten parameters of a result by a cause; ``exact``: the quantity that it keeps though this errs."""
-    changes = cause.changes.copy()
-    if result.method != "joint":
-        changes = np.append(np.zeros(4), tensor_change([fit], [1.0], [cause.evidence.added[:, :, None]]))
-    if exact is not None:
-        changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[exact]] = cause.evidence.values
-    return changes
+    for judgement in judgements:
+        named: dict[Finding, list[FollowedCause]] = {}
+        for cause in judgement.causes:
+            if cause.candidate.finding not in others:
+                named.setdefault(cause.candidate.finding, []).append(cause)
+        if named:
+            return named
+    return {}
 
 
 def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
@@ -254,139 +399,9 @@ def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
     return Finding.UNEXPLAINED.cause(run.name, axis=axis, share=1 - left_over**-2, quantity=quantity, ratio=left_over)
 
 
-def _fits(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
-    """The run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone."""
-    rows = rows_in_band(run, result, problem)
-    if rows is None:
-        return []
-
-    def fitted(force_from: SpecificForce, still_within: float = STILL_WITHIN) -> RunFit:
-        return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
-
-    by_moment = falls(run, result, problem)
-    if problem.cg_motion == "still" and not by_moment:
-        return [fitted("still")]
-    if run.specific_force is None or by_moment:
-        return [fitted("none")]
-    read, about = fitted("accelerometer"), fitted("still", LOOSE)
-    scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
-    turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
-    return [about, read] if turns else [read]
-
-
-def _fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, problem: Problem) -> RunFit | None:
-    """The fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
-    force_from = specific_force_source(problem)
-    candidates = [fit for fit in fits if fit.prediction.force_from == force_from]
-    if not candidates or (force_from == "none" and falls(run, result, problem)):
-        return None
-    tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
-    return candidates[0] if force_from != "none" or tells_mass else None
-
-
-def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
-    """Return the run in its band, the first :data:`MOST_PERIODS` of it; None: it is too short."""
-    longest = MOST_PERIODS / problem.band
-    if run.t[-1] - run.t[0] > longest:
-        run = run.between(run.t[0], run.t[0] + longest)
-    delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
-    declared = [error for error in problem.errors.values() if error.unknown == "delay"]
-    reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
-    try:
-        return in_band(run, problem.band, reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None)
-    except RunError:
-        return None
-
-
 def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
     """Unknowns of which so little is declared that an error of them is no news."""
     free = {"mass"} if problem.mass is None and problem.centre is None else set()
     if problem.cg_motion != "still":
         free.add("cg_from_still")
     return frozenset(free | ({"delay", "rotation"} if result.method == "joint" else set()))
-
-
-def declared_of(
-    run: Run,
-    result: Identification,
-    problem: Problem,
-    force_from: SpecificForce,
-    still_within: float = STILL_WITHIN,
-) -> Setting:
-    """Return the priors of a run's unknowns.
-
-    Args:
-        run: the run.
-        result: of an estimator.
-        problem: that it was given.
-        force_from: source of the specific force.
-        still_within: standard uncertainty of a point at rest, where the specific force is from there [m].
-    """
-    alignment, errors = problem.alignment or Alignment(), problem.errors
-    if result.delay is None:
-        alignment = replace(alignment, delay=0.0, sigma_delay=0.0, rotation=(0.0, 0.0, 0.0), sigma_rotation=0.0)
-    else:
-        errors = beside_alignment(errors)
-    weighed = float(np.linalg.norm(run.force.mean(axis=0))) / problem.gravity if problem.gravity > 0 else 0.0
-    mass = result.mass or weighed or 1.0  # which the moment about r_CG does not ask for
-    mass_variance, cg_covariance = (problem.mass_uncertainty or 0.0) ** 2, np.diag(problem.sigma_r_cg**2)
-    flat = ["inertia", "force_offset", "moment_offset"]
-    if problem.centre is not None:
-        mass_variance, cg_covariance = problem.centre.covariance[0, 0], problem.centre.covariance[1:4, 1:4]
-    elif problem.mass is None:
-        flat.append("mass")
-        mass_variance = 1.0
-    blocks = {
-        ("mass",): PriorBlock(np.array([mass]), np.array([[mass_variance]])),
-        ("r_cg",): PriorBlock(problem.r_cg, cg_covariance),
-        ("force_offset",): PriorBlock(np.zeros(3), np.eye(3)),
-        ("moment_offset",): PriorBlock(np.zeros(3), np.eye(3)),
-        ("cg_from_still",): PriorBlock(np.zeros(3), still_within**2 * (force_from == "still") * np.eye(3)),
-    }
-    if force_from == "none":  # the moment about r_CG tells neither the mass nor the force's offset
-        flat = ["inertia", "moment_offset"]
-        blocks |= {(name,): PriorBlock(blocks[name,].mean, 0 * blocks[name,].covariance) for name in FORCE_ALONE}
-    return Setting(
-        blocks=blocks | error_blocks(errors), alignment=alignment, band=problem.band, specific_force=force_from,
-        gravity=problem.gravity, flat=tuple(flat),
-    )  # fmt: skip
-
-
-def start_of(result: Identification) -> dict[str, np.ndarray]:
-    """Return an estimate, from which the search for a run's unknowns starts."""
-    aligned = {"delay": result.delay, "rotation": result.rotation}
-    return {"inertia": result.inertia, "r_cg": result.r_cg} | {
-        name: part.value for name, part in aligned.items() if part is not None
-    }
-
-
-def falls(run: Run, result: Identification, problem: Problem) -> bool:
-    """Return whether a run shows no weight, or no force at all.
-
-    An accelerometer tells it by itself: a force without the weight that it shows is an error, to be judged.
-    """
-    if not np.abs(run.force).max() > 0:
-        return True
-    read = run.specific_force
-    if read is not None and lasting(run, read) < LEAST_WEIGHT * problem.gravity:
-        return in_free_fall(ImuSignal(run.t, run.omega, read))  # or the gyro is wrong
-    mass = problem.mass or result.mass
-    needed = read is None or problem.cg_motion == "still"
-    return bool(needed and mass is not None and lasting(run, run.force) < LEAST_WEIGHT * mass * problem.gravity)
-
-
-def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:
-    """Return the size of what stays of a vector: of its mean in B, or in axes that the gyro keeps, if that is larger.
-
-    On a robot arm, which turns the body all ways, gravity has hardly a mean in B.
-    """
-    count, squares, samples = max(round(AXES_KEPT * run.rate), 1), 0.0, 0
-    for segment in run.used():
-        omega, values = run.omega[segment], vectors[segment]
-        for first in range(0, len(values), count):
-            part = slice(first, first + count)
-            attitude = cumulative_product(exponentials(omega[part] / run.rate))
-            mean = np.einsum("nij,nj->i", attitude, values[part]) / len(attitude)
-            squares, samples = squares + len(attitude) * float(mean @ mean), samples + len(attitude)
-    in_body = float(np.linalg.norm(vectors.mean(axis=0)))
-    return max(in_body, float(np.sqrt(squares / samples)) if samples else 0.0)

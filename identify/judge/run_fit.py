@@ -7,7 +7,7 @@ Ordinary least squares stand beside it: errors that both take for noise move the
 apart (:mod:`identify.estimators.hausman`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,13 +17,13 @@ from jaxtyping import Float
 
 from identify.estimators.hausman import EstimateDifference
 from identify.joint.gauss_newton import linearised
-from identify.joint.joint_model import SLICES, Model, SpecificForce, unknowns
+from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
 from identify.joint.motion_signals import MotionSignals
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
-from identify.joint.priors import Alignment, Prior, Setting
+from identify.joint.priors import Alignment, Prior, Setting, indices
 from identify.joint.single_run import gyro_noise, prepared, start_bias, start_up
-from identify.judge.evidence import Base, spectrum
-from identify.judge.findings import MATTERS, Finding, signed
+from identify.judge.evidence import Base, FittedLines, spectrum
+from identify.judge.findings import Finding, signed
 from identify.results.declaration import ResidualCause
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
@@ -96,16 +96,40 @@ class RunFit:
         """Return the lines of changes of the wrench."""
         return self.lines(self.prediction.counted(columns))
 
+    @property
+    def frequency(self) -> Float[np.ndarray, " m"]:
+        """Frequency of each line [Hz]."""
+        return np.arange(len(self.residuals)) / (2 * self.lines.interval * len(self.prediction.signals.t))
+
     @cached_property
     def base(self) -> Base:
         """The fitted unknowns, beside which causes are judged."""
-        return Base(self.residuals, self.columns, self.prior.counted)
+        return base_of([self], ())
 
     @property
     def level(self) -> Float[np.ndarray, "6"]:
         """Root mean square of the residuals of each row [N], [N·m]."""
         back = np.linalg.inv(self.lines.whitener)
         return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
+
+
+def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> Base:
+    """Return the unknowns of some runs at their best together.
+
+    Args:
+        fits: of the runs, under one prior.
+        shared: names of the unknowns that are the same in all runs, where there are several.
+    """
+    prior = fits[0].prior
+    common = prior.root[indices(shared)].any(axis=0) if len(fits) > 1 else np.ones(len(prior.counted), bool)
+    runs = [
+        FittedLines(
+            departure=fit.residuals + fit.columns @ fit.best, frequency=fit.frequency,
+            own=fit.columns[:, :, ~common], own_precision=prior.counted[~common], shared=fit.columns[:, :, common],
+        )
+        for fit in fits
+    ]  # fmt: skip
+    return Base(tuple(runs), np.diag(prior.counted[common]), prior.root[indices(TEN)][:, common])
 
 
 def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.ndarray]) -> RunFit:
@@ -212,15 +236,15 @@ def least_squares_cause(apart: EstimateDifference, run: str) -> ResidualCause:
     )
 
 
-def least_squares_difference(fit: RunFit, base: Base, standard_uncertainty: np.ndarray) -> EstimateDifference:
+def least_squares_difference(fit: RunFit, base: Base, no_news: np.ndarray) -> EstimateDifference:
     """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
 
     Args:
         fit: the run at its best.
-        base: its unknowns, and what else is declared.
-        standard_uncertainty: of the estimate that is judged, (6,) [kg·m²].
+        base: its unknowns, and what else is declared; of this run alone.
+        no_news: standard deviation of a difference of each component that would not matter, (6,) [kg·m²].
     """
-    at, back = fit.prediction, np.linalg.inv(fit.lines.whitener)
+    at, back, residuals = fit.prediction, np.linalg.inv(fit.lines.whitener), base.residuals[0]
     about_cg = np.eye(3)
     if at.force_from != "none":
         about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, about_cg])  # M - r × F of a wrench
@@ -229,10 +253,8 @@ def least_squares_difference(fit: RunFit, base: Base, standard_uncertainty: np.n
     rows = back @ fit.transformed(moved)
     inverse = np.linalg.inv(products(rows, rows))
     gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
-    value = np.einsum("miq,mi->q", gain, base.residuals)
-    noise = gain * np.sqrt(spectrum(base.residuals, 1 - base.leverage))[:, :, None]
-    along = products(base.columns, gain)
-    covariance = products(noise, noise) - along.T @ np.linalg.solve(base.normal, along)
-    values, vectors = np.linalg.eigh(covariance)
-    no_news = np.diag((MATTERS * standard_uncertainty) ** 2)
-    return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + no_news)
+    value = np.einsum("miq,mi->q", gain, residuals)
+    noise = gain * np.sqrt(spectrum(residuals, 1 - base.leverage[0]))[:, :, None]
+    taken = products(gain, gain) - products(gain, base.beside([gain]).left[0])
+    values, vectors = np.linalg.eigh(products(noise, noise) - taken)
+    return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(no_news**2))

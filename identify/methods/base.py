@@ -49,10 +49,13 @@ class Problem:
 
     @cached_property
     def band(self) -> float:
-        """Band of the fastest motion [Hz].
+        """Highest frequency at which force and moment are compared with the motion [Hz].
+
+        That of the fastest motion, at most the cut-off of a named low-pass: above it the moment may be filtered and the
+        gyro may vibrate, by the user's own word.
 
         Raises:
-            RunError: a run is too short for it.
+            RunError: a run is too short to find it in.
         """
         for run in self.runs:
             samples = len(run.omega[run.longest_segment])
@@ -61,7 +64,8 @@ class Problem:
                     f"{run.name} has {samples} samples, fewer than the {SHORTEST} from which a motion's band is found: "
                     "record for longer, or name an estimator"
                 )
-        return max(run.band for run in self.runs)
+        lowpass = None if self.estimator is None else self.estimator.lowpass
+        return min(max(run.band for run in self.runs), lowpass or np.inf)
 
 
 class Method(ABC):

@@ -102,7 +102,8 @@ class Identification(Result):
     declarations: tuple[Declaration, ...] = ()
     """Declared quantities that the runs place far from what was declared of them."""
     misfit: np.ndarray | None = None
-    """Shift by what the runs contradict, which counts as a standard uncertainty [kg·m²]; None: none."""
+    """Changes of the tensor by what the runs contradict, (6, k), which count as standard uncertainties [kg·m²]; None:
+    none."""
     mass_uncertainty: float | None = None
     """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
     cg_inertia_covariance: np.ndarray | None = None

@@ -20,7 +20,7 @@ from identify.judge.conventions.convention_fit import (
     convention_sums,
 )
 from identify.judge.evidence import Base, evidence
-from identify.judge.judged_result import lasting
+from identify.judge.judged_fits import lasting
 from identify.judge.run_fit import DIFFERENT, least_squares_difference
 from identify.signals.power_spectrum import welch
 from tests.helpers.laboratory import measure

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+from identify.judge.typical_sizes import TYPICAL
 from rig.toml_tables import TomlTable, read_value, written
 from uq.files.schema import in_unit, quantity_schema
 from uq.sources.source import part_of
@@ -28,36 +29,36 @@ class UndeclaredTable(TomlTable, frozen=True, kw_only=True):
     The second interval of a result holds them. docs/how-to/identify.md gives the figures and where they are from.
     """
 
-    force_gain: Annotated[float | None, typical("%")] = 0.0025
+    force_gain: Annotated[float | None, typical("%")] = TYPICAL["force_gain"]
     """Gain error common to the three channels of the force."""
-    force_gain_by_axis: Annotated[float | None, typical("%")] = 0.0025
+    force_gain_by_axis: Annotated[float | None, typical("%")] = TYPICAL["force_gain_by_axis"]
     """Gain error of each channel of the force beside the common one."""
-    moment_gain: Annotated[float | None, typical("%")] = 0.0025
+    moment_gain: Annotated[float | None, typical("%")] = TYPICAL["moment_gain"]
     """Gain error common to the three channels of the moment."""
-    moment_gain_by_axis: Annotated[float | None, typical("%")] = 0.0025
+    moment_gain_by_axis: Annotated[float | None, typical("%")] = TYPICAL["moment_gain_by_axis"]
     """Gain error of each channel of the moment beside the common one."""
-    cross_talk: Annotated[float | None, typical("%")] = 0.0015
+    cross_talk: Annotated[float | None, typical("%")] = TYPICAL["cross_talk"]
     """Cross-talk to each channel from every other component, in parts of the largest recorded force and moment."""
-    load_cell_axes: Annotated[float | None, typical("rad")] = 0.005
+    load_cell_axes: Annotated[float | None, typical("rad")] = TYPICAL["load_cell_axes"]
     """Misalignment of the load cell with the body, about each axis."""
-    gyro_scale: Annotated[float | None, typical("%")] = 0.003
+    gyro_scale: Annotated[float | None, typical("%")] = TYPICAL["gyro_scale"]
     """Scale error of each axis of the gyro."""
-    gyro_axes: Annotated[float | None, typical("rad")] = 0.005
+    gyro_axes: Annotated[float | None, typical("rad")] = TYPICAL["gyro_axes"]
     """Misalignment of the gyro with the body, about each axis."""
-    delay: Annotated[float | None, typical("s")] = 0.001
+    delay: Annotated[float | None, typical("s")] = TYPICAL["delay"]
     """Delay of the gyro against the load cell."""
-    mounting_frequency: Annotated[float | None, typical("Hz")] = 50.0
+    mounting_frequency: Annotated[float | None, typical("Hz")] = TYPICAL["mounting_frequency"]
     """Frequency of the body's vibration on its mounting about each axis; load cell and IMU stay on the platform's
     side."""
-    mass: Annotated[float | None, typical("%")] = 0.001
+    mass: Annotated[float | None, typical("%")] = TYPICAL["mass"]
     """Error of the mass, where it counts as exact."""
-    centre_of_gravity: Annotated[float | None, typical("m")] = 0.001
+    centre_of_gravity: Annotated[float | None, typical("m")] = TYPICAL["centre_of_gravity"]
     """Error of the centre of gravity on each axis, where the estimate takes it as exact."""
-    gravity: Annotated[float | None, typical("m/s^2")] = 0.015
+    gravity: Annotated[float | None, typical("m/s^2")] = TYPICAL["gravity"]
     """Local gravity less the stated one."""
-    accelerometer_scale: Annotated[float | None, typical("%")] = 0.003
+    accelerometer_scale: Annotated[float | None, typical("%")] = TYPICAL["accelerometer_scale"]
     """Scale error of each axis of the accelerometer, where the estimate takes the specific force from it."""
-    accelerometer_place: Annotated[float | None, typical("m")] = 0.002
+    accelerometer_place: Annotated[float | None, typical("m")] = TYPICAL["accelerometer_place"]
     """Error of the accelerometer's place (imu_position) on each axis, where the estimate takes the specific force from
     it."""
 

@@ -133,7 +133,7 @@ def with_declared_sources(
         return widened_by_sources(result, systematic)
     together = replace(result.pooling, from_redrawn_sources=systematic.by_mounting.std(axis=0))
     if not systematic.sources:
-        misfit = {} if result.misfit is None else {"model misfit": np.abs(result.misfit)}
+        misfit = {} if result.misfit is None else {"model misfit": np.linalg.norm(result.misfit, axis=1)}
         return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)

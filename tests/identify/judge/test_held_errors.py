@@ -71,7 +71,7 @@ def test_runs_tell_a_declared_quantity_together():
     rows = columns @ truth + 0.1 * rng.standard_normal((2, 40, 6))
     fits = [linear_fit(*parts, rng.standard_normal(12)) for parts in zip(columns, rows, strict=True)]
     problem = Problem((), r_cg=np.array([1.0, 2, 3]), sigma_r_cg=SIGMA)
-    (told,) = departing_declarations(problem, fits, [[], []])
+    (told,) = departing_declarations(problem, fits, [])
     flat = columns.reshape(2, 240, 12)
     apart = [np.hstack([run[:, :9], *(run[:, 9:] * (k == own) for own in (0, 1))]) for k, run in enumerate(flat)]
     sides = np.concatenate([rows.ravel(), np.zeros(3)])

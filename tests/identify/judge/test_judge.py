@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from identify.exceptions import RunError
-from identify.judge import judged_result
+from identify.judge import judged_fits
 from identify.judge.findings import Finding
 from identify.judge.resonance import saturated
 from tests.helpers.laboratory import measure
@@ -62,7 +62,7 @@ def test_a_trouble_is_named_and_covered(method, trouble, size, name):
 
 def test_a_long_run_is_judged_by_its_first_part(monkeypatch):
     """The body slips midway, behind the part that is judged."""
-    monkeypatch.setattr(judged_result, "MOST_PERIODS", 15)
+    monkeypatch.setattr(judged_fits, "MOST_PERIODS", 15)
     result = identified(measure(3, **TROUBLES["slip"].options(6e-3, 3), **SHORT), "source")
     assert "slip" not in {verdict.cause for verdict in result.consistency}
 

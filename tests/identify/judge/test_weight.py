@@ -7,7 +7,7 @@ import pytest
 
 from identify.identification import identify
 from identify.joint.priors import Alignment
-from identify.judge.judged_result import lasting
+from identify.judge.judged_fits import lasting
 from tests.helpers import wrist_runs
 from tests.helpers.wrist_runs import MASS, R_CG, TENSOR, G, run
 
