@@ -188,10 +188,15 @@ class Finding(Enum):
         "in the declared units no body of {shown} kg fits force and moment; in other units a body of {mass} kg does",
         "set {lines} in [recording]{doubt}"
     )  # fmt: skip
-    WRENCH_REVERSED = (
-        "sign",
-        "force and moment have the reversed sign: gravity and the motion fit only the wrench on the sensor{doubt}",
-        'set wrench = "on_sensor" in [recording] ("on_body" if that is already set)'
+    UNITS_AT_REST = (
+        "unit",
+        "in the declared units the body has {shown} kg and its centre of gravity {at} from Q, which is {why}; in "
+        "other units it has {mass} kg",
+        "set {lines} in [recording]{doubt}"
+    )  # fmt: skip
+    SIGN = (
+        "sign", "force, moment and accelerometer or attitude contradict each other in sign: {words}; {by} {fit}{doubt}",
+        "set {lines} in [recording]{decides}"
     )  # fmt: skip
     ACCELEROMETER_AXES = (
         "axes", "gravity turns with the gyro only if the accelerometer's axes are the gyro's ({axes})",
@@ -213,7 +218,7 @@ class Finding(Enum):
         "gravity and the motion in both", CHANNELS
     )  # fmt: skip
     WRENCH_MIRRORED = (
-        "mirror", "the load cell's axes are left-handed, or its sign is reversed and its axes turned",
+        "mirror", "the load cell's axes are left-handed, or its sign is reversed and its axes turned{doubt}",
         'both are undone by wrench = "on_sensor" (the other one if it is already declared) and '
         "wrench_rotation_to_body = {axes} in [recording]"
     )  # fmt: skip
@@ -225,11 +230,6 @@ class Finding(Enum):
     TURNED_A_LITTLE = (
         "turned", "only a rotation of the IMU's axes into the load cell's by {turn} fits both, or its stamps are late",
         "set {lines} in [recording], or correct the clock"
-    )  # fmt: skip
-    ACCELEROMETER_REVERSED = (
-        "sign",
-        "the accelerometer reads downwards at rest: gravity and the motion fit the wrench only with its other "
-        "sign{doubt}", 'set accelerometer_at_rest = "down" in [recording] ("up" if that is already set)'
     )  # fmt: skip
     WRENCH_AT_REST = (
         "frame",

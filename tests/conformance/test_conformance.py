@@ -62,6 +62,7 @@ def test_a_recording_in_this_convention(tmp_path, clean, row):
         "compensated",
         "other_payload",
         "reversed_wrench",
+        "reversed_force",
     ):
         for values, truth, noise in ((run.force, clean.force, 0.05), (run.moment, clean.moment, 2e-3)):
             expected = np.stack([np.interp(run.t, clean.t, column) for column in truth.T], axis=1)

@@ -10,7 +10,14 @@ import argparse
 import numpy as np
 
 from identify.judge import causes, judged_result, resonance
-from identify.judge.conventions import axis_hypotheses, free_rotation, imu_conventions, removed_weight, wrench_findings
+from identify.judge.conventions import (
+    axis_hypotheses,
+    free_rotation,
+    imu_conventions,
+    removed_weight,
+    wrench_findings,
+    wrench_units,
+)
 from identify.judge.conventions.convention_fit import (
     FORCE,
     MOMENT,
@@ -44,7 +51,7 @@ LIMITS = {
     "moment that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
     "chi-square of another point": ("≤", wrench_findings.CERTAIN_SHIFT),
     "distance to another point, m": ("≤", wrench_findings.LEAST_SHIFT),
-    "departure of the force from the weight, in parts": ("≤", wrench_findings.MASS_TOLERANCE),
+    "departure of the force from the weight, in parts": ("≤", wrench_units.MASS_TOLERANCE),
     "likeness of force and specific force": ("≥", removed_weight.ALIKE),
 }
 """On which side of a limit clean runs should stay, and the limit."""
@@ -107,7 +114,7 @@ def _of_conventions(measured):
     parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
     declared = wrench_findings.DeclaredRig(mass=measured.mass, r_cg=measured.r_cg, sigma_r_cg=np.full(3, 1.5e-4))
-    examination = wrench_findings._Examination(sums, declared, "", "")
+    examination = wrench_findings.Examination(sums, declared, "", "")
     shift, chi_square_of_shift = examination._shift(sums)
     weight = removed_weight.apparent_mass(sums, measured.mass)
     force, specific = sums.mean(slice(0, 3)), sums.mean(slice(6, 9))

@@ -183,6 +183,10 @@ def reversed_wrench(run):
     return replace(run, force=-run.force, moment=-run.moment)
 
 
+def reversed_force(run):
+    return replace(run, force=-run.force)
+
+
 def clocks_apart(run):
     return replace(run, wrench_late=0.4)
 
@@ -245,7 +249,7 @@ CONVENTIONS = {
     function.__name__: function
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
-        accelerometer_down, reversed_wrench, clocks_apart, booted_clock, strain_gauge,
+        accelerometer_down, reversed_wrench, reversed_force, clocks_apart, booted_clock, strain_gauge,
         not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
         no_accelerometer_ceiling,
     )

@@ -69,10 +69,11 @@ def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal
     if run.attitude is None:
         return None
     recording = experiment.recording
+    gravity = recording.gravity_of_poses(experiment.gravity)
     source: Source = "quaternion" if run.gravity is None else "poses" if recording.urdf is None else "joints"
     return AttitudeSignal(
         to_rest=run.attitude[usable], gravity=run.gravity, source=source, accelerates=run.specific_force is not None,
-        turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest,
+        turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest, up=-gravity / np.linalg.norm(gravity),
     )  # fmt: skip
 
 
@@ -86,6 +87,7 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
         "wrench_rotation": recording.wrench_rotation_to_body,
         "imu_rotation": recording.imu_rotation_to_body,
         "quaternion": recording.quaternion,
+        "calibration": recording.calibration,
     }
     return DeclaredRig(
         mass=experiment.mass,

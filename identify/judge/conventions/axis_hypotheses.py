@@ -40,7 +40,7 @@ class Hypothesis:
     cost: float
     """Penalty added to chi-square, so that the simplest of equally good hypotheses wins."""
     accelerometer: float = 1.0
-    """Sign of the accelerometer: -1 where it reads downwards at rest."""
+    """Sign of the specific force: -1 where the accelerometer reads downwards at rest, or force and moment differ."""
 
     def applied(self, sums: ConventionSums) -> ConventionSums:
         """The sums as they would be."""
@@ -159,12 +159,12 @@ def with_accelerometer_reversed() -> tuple[Hypothesis, ...]:
     return (*hypotheses(), *other)
 
 
-def best_axes(sums: ConventionSums, given: Scales, *, measured: bool = True) -> list[Hypothesis]:
+def best_axes(sums: ConventionSums, given: Scales, *, at_rest: bool = False) -> list[Hypothesis]:
     """The hypotheses that fit best and cannot be told apart, simplest first; the first is 'as it is' unless refuted.
 
-    ``measured``: whether the specific force is an accelerometer's, whose sign may be the other one.
+    ``at_rest``: of static poses, where the accelerometer's sign and that of the wrench do the same.
     """
-    candidates = with_accelerometer_reversed() if measured else hypotheses()
+    candidates = hypotheses() if at_rest else with_accelerometer_reversed()
     tried = ConventionSums.stacked([hypothesis.applied(sums) for hypothesis in candidates])
     fits = chi_square(tried, given).tolist()
     scored = [(fit + hypothesis.cost, hypothesis) for fit, hypothesis in zip(fits, candidates, strict=True)]

@@ -23,7 +23,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from identify.rigid_body import regressor
 from identify.rigid_body.inertia import unpack
-from identify.rigid_body.regressor import FEATURES, FIRST_MOMENT_OF_FEATURES, OMEGA_R_OF_FEATURES, PAIRS, PI_OF_FORCE
+from identify.rigid_body.regressor import (
+    FEATURES,
+    FIRST_MOMENT_OF_FEATURES,
+    OMEGA_R_OF_FEATURES,
+    PAIRS,
+    PI_OF_FORCE,
+    cross_matrix,
+)
 from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.filters import moving_average
 
@@ -139,6 +146,14 @@ class ConventionSums:
             change[..., SPECIFIC, SPECIFIC] = change[..., GRAVITY, GRAVITY] = imu
             change[..., MOTION, MOTION] = _turned_features(imu)
         return replace(self, gram=change @ self.gram @ np.swapaxes(change, -1, -2))
+
+    def mirrored(self, point: Float[np.ndarray, "3"]) -> "ConventionSums":
+        """The sums with the other sign of force and specific force, the moment taken at this point [m]."""
+        change = np.eye(WIDTH)
+        change[MOMENT, FORCE] = -2 * cross_matrix(point)
+        for columns in (FORCE, SPECIFIC, GRAVITY):
+            change[columns, columns] *= -1
+        return replace(self, gram=change @ self.gram @ change.T)
 
     def scaled(self, columns: slice, factor: float) -> "ConventionSums":
         """The sums with some of the columns multiplied."""
@@ -260,7 +275,8 @@ class DeclaredRig:
     ``removed``: mass whose weight the driver removed. ``weighed``: whether the body's weight should be in the force,
     which it is not where the zero was taken with it. ``measured``: whether the specific force is an accelerometer's.
     ``units``: newtons and newton metres in the declared units of force and moment. ``rate_unit``: rad/s in that of the
-    angular velocity. ``quaternion``: matrix from a quaternion to its recorded fields.
+    angular velocity. ``quaternion``: matrix from a quaternion to its recorded fields. ``calibration``: matrix from the
+    load cell's raw channels to force and moment.
     ``turn``: standard uncertainty of a small turn between IMU and load cell [rad].
     """
 
@@ -278,6 +294,7 @@ class DeclaredRig:
     units: tuple[float, float] = (1.0, 1.0)
     rate_unit: float = 1.0
     quaternion: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
+    calibration: Float[np.ndarray, "6 6"] = field(default_factory=lambda: np.eye(6))
 
     @property
     def lever(self) -> Vector:
@@ -442,7 +459,8 @@ def fit_centre(sums: ConventionSums) -> CentreFit:
     instruments = MOMENT_TERMS.copy()
     instruments[:3] -= ARM[:, :, FORCE] @ _force_noise(sums)
     normal, right = _normal_equations(sums, MOMENT_TERMS, MOMENT, instruments)
-    loose = [1e-12 * normal[INERTIA_AT, INERTIA_AT].trace()] * 6 + [moment / sums.instants / offset**2] * 3
+    # at rest no motion determines the tensor
+    loose = [1e-12 * normal[INERTIA_AT, INERTIA_AT].trace() + 1e-30] * 6 + [moment / sums.instants / offset**2] * 3
     others = np.linalg.solve(normal[3:, 3:] + np.diag(loose), np.column_stack([normal[3:, :3], right[3:]]))
     matrix = normal[:3, :3] - normal[:3, 3:] @ others[:, :3]
     answer = right[:3] - normal[:3, 3:] @ others[:, 3]

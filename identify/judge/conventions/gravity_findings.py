@@ -278,6 +278,12 @@ class AttitudeSignal:
     """Whether the wrench was declared along axes at rest, and turned back already."""
     zero_at_rest: bool = False
     """Whether the load cell's zero was declared constant along the axes at rest."""
+    up: Vector = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """Upward direction along the axes at rest, as declared or by convention."""
+
+    def upward(self, specific_force: Float[np.ndarray, "n 3"]) -> float:
+        """Return the upward component of a specific force in B, its mean [m/s²]."""
+        return float(np.einsum("i,nij,nj->n", self.up, self.to_rest, specific_force).mean())
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,34 +3,27 @@
 Reversed signs, turned or mirrored axes, weight that is missing, units, a moment taken elsewhere: each is a hypothesis
 that must explain the run better than 'as declared' by a factor of exp(30) in likelihood before it is named. What no
 sensor tells is compared with what the experiment declares: mass, centre of gravity.
-
-With force and moment in units of u_F and u_M, the mass is u_F m, the centre of gravity u_M / u_F r, the tensor u_M I by
-what the numbers alone show. Three statements compare: the declared mass and centre of gravity; the lever from the IMU,
-which the force tells in metres; and a body's density, between that of air and that of the heaviest element. The load
-cell's zeros are free. Without a declared mass a factor that force and moment share leaves no trace but in the density.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from identify.judge.conventions import convention_fit
 from identify.judge.conventions.axis_hypotheses import (
     DECISIVE,
     EQUAL,
     Hypothesis,
     Scales,
     best_axes,
+    chi_square,
     misalignment,
     scales,
 )
 from identify.judge.conventions.convention_fit import (
     ALPHA,
     FORCE,
-    FORCE_TERMS,
-    MASS_AT,
     MOMENT,
     MOMENT_TERMS,
     SPECIFIC,
@@ -55,199 +48,26 @@ from identify.judge.conventions.free_rotation import (
 from identify.judge.conventions.gravity_findings import AttitudeSignal, run_gravity
 from identify.judge.conventions.imu_conventions import in_free_fall, in_si
 from identify.judge.conventions.removed_weight import (
-    AIR,
     CERTAIN,
     PARTLY,
     ApparentMass,
     apparent_mass,
-    density,
     mass_by_motion,
     missing_weight,
 )
-from identify.judge.findings import Contradiction, Finding
+from identify.judge.conventions.wrench_units import (
+    COSTS,
+    FARTHEST,
+    body_of_run,
+    fits_as_well,
+    mass_finding,
+    other_units,
+    units_finding,
+)
+from identify.judge.findings import CHANNELS, Contradiction, Finding
 from identify.rigid_body.rotation import exponential
-from identify.rounding import significant
+from identify.rounding import fixed, significant
 
-POUND_FORCE, KILOGRAM_FORCE, INCH, FOOT = 4.4482216152605, 9.80665, 0.0254, 0.3048
-SYSTEMS = {
-    ("N", 1.0): {"N*m": 1.0, "N*mm": 1e-3, "N*cm": 1e-2},
-    ("lbf", POUND_FORCE): {"lbf*inch": POUND_FORCE * INCH, "lbf*ft": POUND_FORCE * FOOT},
-    ("kgf", KILOGRAM_FORCE): {"kgf*m": KILOGRAM_FORCE, "kgf*cm": KILOGRAM_FORCE * 1e-2},
-    ("kN", 1e3): {"kN*m": 1e3},
-}
-"""Units of moment beside those of force, with their size in SI.
-
-Definition: NIST SP 811, B.8.
-"""
-LEVER_ALIKE = 1.5
-"""Factor between the levers of two pairs of units within which units of two systems are not named.
-
-Choice: a drawing of the centre of gravity may be as wrong.
-"""
-COSTS = {"one system": 2.0, "two systems": 6.0}
-"""Chi-square that other units must gain before they count as equally good.
-
-Choice: the order alone counts, the likelier mistake first; all are far below ``DECISIVE``.
-"""
-CONSISTENT = 30.0
-"""Chi-square, of up to seven degrees of freedom, above which units explain nothing.
-
-Chance: 1e-4. Of the right units 1 to 7.
-"""
-FARTHEST = 0.5
-"""Choice: distance of another point up to which it is a rival of another unit of the moment; no rig is larger [m]."""
-UNIT_TOLERANCE = 0.1
-"""Departure of a ratio from that of a unit, as a standard deviation.
-
-Choice: as a gain error and a rounded mass have together; no two units of force are so near.
-"""
-DRAWN = 3e-3
-"""Standard deviation of a declared centre of gravity, beside the stated one, and of a declared IMU's place [m].
-
-Choice: a drawing is no better.
-"""
-IMU_AT_Q = 15e-3
-"""Distance of an IMU from Q where no position is declared, as a standard deviation of each coordinate [m].
-
-Prior: our choice; the estimate takes it to be at Q.
-"""
-HEAVIEST = 25e3
-"""Mass over the cube of twice the gyration radius above which no body is [kg/m³].
-
-Definition: that of a ball of osmium, 22,590 kg/m³ times 1.13.
-"""
-
-
-@dataclass(frozen=True)
-class UnitReading:
-    """A pair of units, by the factors from the numbers as declared to SI."""
-
-    force: str
-    moment: str
-    force_factor: float
-    moment_factor: float
-    cost: float = 0.0
-
-    @property
-    def declared(self) -> bool:
-        """Whether these are the units that are declared."""
-        return self.cost == 0.0
-
-    @property
-    def lever_factor(self) -> float:
-        """Factor of every lever that force and moment tell."""
-        return self.moment_factor / self.force_factor
-
-    def applied(self, sums: ConventionSums) -> ConventionSums:
-        """The sums as they would be."""
-        return sums.scaled(FORCE, self.force_factor).scaled(MOMENT, self.moment_factor)
-
-    def lines(self) -> str:
-        """The keys of the units that differ from those declared."""
-        units = {"force": (self.force, self.force_factor), "moment": (self.moment, self.moment_factor)}
-        return " and ".join(f'{key}_unit = "{name}"' for key, (name, factor) in units.items() if factor != 1.0)
-
-
-def unit_readings(force_unit: float, moment_unit: float) -> Iterator[UnitReading]:
-    """Return all pairs of units, those declared first.
-
-    Args:
-        force_unit: newtons in the declared unit of force.
-        moment_unit: newton metres in the declared unit of moment.
-    """
-    yield UnitReading("", "", 1.0, 1.0)
-    moments = [(force, name, size) for (force, _), group in SYSTEMS.items() for name, size in group.items()]
-    for force, force_size in SYSTEMS:
-        for system, moment, moment_size in moments:
-            factors = _rounded(force_size / force_unit), _rounded(moment_size / moment_unit)
-            alike = 1 / LEVER_ALIKE < factors[1] / factors[0] < LEVER_ALIKE
-            if factors != (1.0, 1.0) and (system == force or (1.0 in factors and not alike)):
-                cost = COSTS["one system" if system == force else "two systems"]
-                yield UnitReading(force, moment, *factors, cost)
-
-
-def _rounded(factor: float) -> float:
-    """A factor of units, free of rounding where it is one."""
-    return 1.0 if abs(factor - 1.0) < 1e-9 else factor
-
-
-@dataclass(frozen=True, eq=False)
-class BodyByWrench:
-    """The body that force and moment show, in the units as declared."""
-
-    sums: ConventionSums
-    given: Scales
-    mass: float
-    """Mass whose weight the force is [kg]."""
-    uncertainty: float
-    """Expanded uncertainty of the mass [kg]."""
-    by_motion: bool = False
-    """Whether the force's changes determine the mass, and so the lever."""
-
-    @cached_property
-    def _lever(self) -> tuple[Vector, Matrix] | None:
-        """Centre of gravity from the IMU, by the force alone, and its covariance; None: the force does not tell it."""
-        if not self.by_motion:
-            return None
-        priors = replace(self.given, offset=np.inf, lever=np.inf).priors
-        fit = convention_fit.solve(self.sums, FORCE_TERMS, FORCE, variance=self.given.force, priors=priors)
-        lever, mass = slice(MASS_AT.stop, MASS_AT.stop + 3), float(fit.values[0])
-        return fit.values[lever] / mass, fit.covariance[lever, lever] / mass**2
-
-    @cached_property
-    def _trace(self) -> tuple[float, float]:
-        """The tensor's trace, and its standard uncertainty."""
-        return convention_fit.solve(self.sums, MOMENT_TERMS, MOMENT, variance=self.given.moment).trace
-
-    def misfit(self, reading: UnitReading, declared: DeclaredRig) -> float:
-        """Chi-square of what is declared against the body in other units; infinite where no body is so."""
-        mass = reading.force_factor * self.mass
-        if self._impossible(reading, mass):
-            return np.inf
-        chi_square, factor = reading.cost, reading.lever_factor
-        if declared.mass is not None:
-            relative = np.hypot(UNIT_TOLERANCE, self.uncertainty / self.mass)
-            chi_square += float(np.log(mass / declared.mass) / relative) ** 2
-        r, covariance = factor * self.sums.centre.r, factor**2 * self.sums.centre.covariance
-        if declared.r_cg is not None:
-            chi_square += self._distance(declared.r_cg - r, covariance + np.diag(declared.sigma_r_cg**2 + DRAWN**2))
-        if self._lever is not None:
-            lever, spread = self._lever
-            at, sigma_at = (np.zeros(3), IMU_AT_Q) if declared.imu_position is None else (declared.imu_position, DRAWN)
-            chi_square += self._distance(at + lever - r, covariance + spread + sigma_at**2 * np.eye(3))
-        return chi_square
-
-    def _distance(self, shift: Vector, covariance: Matrix) -> float:
-        seen = shift - self.sums.centre.undetermined @ shift
-        return float(seen @ np.linalg.solve(covariance, seen))
-
-    def _impossible(self, reading: UnitReading, mass: float) -> bool:
-        """Whether no body has this mass with these moments."""
-        trace, spread = self._trace
-        smallest, largest = (reading.moment_factor * (trace + sign * CERTAIN * spread) for sign in (-1, 1))
-        return bool(density(mass, smallest) < AIR or density(mass, largest) > HEAVIEST)
-
-
-def other_units(body: BodyByWrench, declared: DeclaredRig, elsewhere: bool) -> list[UnitReading]:
-    """Return the units that explain the run far better than those declared, the best first; none where none do.
-
-    ``elsewhere``: another point does as well, with three free coordinates: a unit of the moment must do so entirely.
-    """
-    readings = list(unit_readings(*declared.units))
-    scores = [body.misfit(reading, declared) for reading in readings]
-    least = min(scores)
-    rival = elsewhere and readings[scores.index(least)].force_factor == 1.0
-    if not least < min(scores[0] - DECISIVE, EQUAL if rival else CONSISTENT):
-        return []
-    order = [k for k in np.argsort(scores) if scores[k] < least + EQUAL]
-    return [readings[k] for k in order]
-
-
-MASS_TOLERANCE = 0.15
-"""Departure of the force at rest from the declared weight that is no finding.
-
-Choice: an error of gain or zero is smaller. In 40 clean runs at most 0.04 (``tests.helpers.judge_margins``).
-"""
 LEAST_GRAVITY = 2.0
 """Specific force without which nothing is judged [m/s²].
 
@@ -292,28 +112,62 @@ def wrench_findings(
     if verdict.gravity is not None and attitude is not None and attitude.gravity is not None:
         change = np.einsum("nji,j->ni", attitude.to_rest, attitude.gravity - verdict.gravity)
         sums = convention_sums(wrench, imu._replace(specific_force=imu.specific_force + change)) or sums
-    return [*verdict.findings, *_Examination(sums, declared, wrench_topic, imu_topic).findings()]
+    upward = 0.0 if attitude is None or attitude.source == "gyro" else attitude.upward(imu.specific_force)
+    examination = Examination(sums, declared, wrench_topic, imu_topic, upward=upward)
+    return [*verdict.findings, *examination.findings()]
 
 
-SIGN_DOUBT = (
-    "; the other sign of the accelerometer, or of force and moment, fits as well: this motion does not distinguish them"
-)
+class SignReading(NamedTuple):
+    """Signals that may have the other sign: force F, moment M and specific force f, of which two alone do not tell.
+
+    (F, f, r) and (-F, -f, -r) obey the same equations.
+    """
+
+    words: str
+    cure: str
+    mirrored: bool = False
+    """Whether the centre of gravity lies on the other side of the moment's point."""
+    downwards: bool = False
+    """Whether the accelerometer reads downwards at rest."""
 
 
-def _reversed(fit: Hypothesis) -> bool:
-    return fit.sensor == "wrench" and abs(float(np.trace(fit.matrix))) == 3
+ON_SENSOR = 'wrench = "on_sensor" ("on_body" if that is already set)'
+DOWN = 'accelerometer_at_rest = "down" ("up" if that is already set)'
+WRENCH = SignReading("force and moment have the reversed sign", ON_SENSOR)
+DOWNWARDS = SignReading("the accelerometer reads downwards at rest", DOWN, downwards=True)
+BOTH = SignReading(f"{WRENCH.words} and {DOWNWARDS.words}", f"{ON_SENSOR} and {DOWN}", downwards=True)
 
 
-def _or(lines: list[str]) -> str:
-    """Return a text on lines that would be as good."""
-    return "".join(f"; or {line}, which fits as well" for line in lines)
+def _alone(signal: str, declared: DeclaredRig) -> SignReading:
+    """The reading that force or moment alone have the other sign."""
+    signs = np.where(np.arange(6) // 3 == ("force", "moment").index(signal), -1.0, 1.0)
+    rows = ", ".join(f"[{', '.join(f'{x + 0.0:g}' for x in row)}]" for row in signs[:, None] * declared.calibration)
+    return SignReading(f"the {signal} alone has the reversed sign", f"calibration = [{rows}]", mirrored=True)
 
 
-class _Examination:
-    """A run's findings in order: each step corrects the sums for its finding before the next looks at them."""
+def _proper(matrix: Matrix) -> bool:
+    return float(np.linalg.det(matrix)) > 0
 
-    def __init__(self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str) -> None:
+
+class Examination:
+    """A run's findings in order: each step corrects the sums for its finding before the next looks at them.
+
+    Args:
+        sums: of the run.
+        declared: of body and rig.
+        wrench: topic of force and moment.
+        imu: topic of the motion.
+        upward: mean of the accelerometer's reading along the upward axis of a recorded attitude [m/s²]; 0: unknown.
+    """
+
+    upside_down: SignReading | None = None
+    """What may have the other sign in place of the wrench, of static poses; None: of a run."""
+
+    def __init__(
+        self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str, *, upward: float = 0.0
+    ) -> None:
         self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
+        self.upward = upward if abs(upward) > LEAST_GRAVITY else 0.0
         self.units_instead: list[str] = []
 
     def findings(self) -> Iterator[Contradiction]:
@@ -327,7 +181,7 @@ class _Examination:
             given = rotation.given
         force, moment = explains(self.sums, FORCE, given.force), explains(self.sums, MOMENT, given.moment)
         if rotation is None and (force or moment):
-            yield from self._axes(best_axes(self.sums, given, measured=self.declared.measured))
+            yield from self._axes(best_axes(self.sums, given))
         if not self.declared.weighed or not (force and moment):
             return
         if weight.missing:
@@ -342,25 +196,119 @@ class _Examination:
         yield from self._turned(scales(self.sums, weight=True, terms=MOMENT_TERMS))
         yield from self._point()
 
+    def at_rest(self, upside_down: SignReading) -> Iterator[Contradiction]:
+        """The findings on static poses, whose force alone tells axes and signs.
+
+        Args:
+            upside_down: words and cure where the attitude has the other sign.
+        """
+        self.upside_down = upside_down
+        given = scales(self.sums, weight=False)
+        rotation = oblique_rotation(self.sums, given, weighed=False)
+        if rotation is not None:
+            yield self._rotated(rotation)
+        elif explains(self.sums, FORCE, given.force):
+            yield from self._axes(best_axes(self.sums, given, at_rest=True))
+
     # Axes and signs
 
     def _axes(self, fits: list[Hypothesis]) -> Iterator[Contradiction]:
-        best = fits[0]
+        best, matrix = fits[0], fits[0].matrix
         before, self.sums = self.sums, best.applied(self.sums)
-        doubt = SIGN_DOUBT * any(_reversed(fit) and fit.accelerometer != best.accelerometer for fit in fits[1:])
-        if best.accelerometer < 0:
-            yield Finding.ACCELEROMETER_REVERSED.on(self.imu, doubt=doubt)
-        if np.array_equal(best.matrix, np.eye(3)):
-            return
         if best.sensor == "imu":
-            yield Finding.IMU_MIRRORED.on(self.imu, axes=axes_text(best.matrix)[1:-1])
-        elif np.array_equal(best.matrix, -np.eye(3)):
-            yield Finding.WRENCH_REVERSED.on(self.wrench, doubt=doubt)
-        elif np.linalg.det(best.matrix) < 0:
-            axes = axes_text(-best.matrix @ self.declared.wrench_rotation)
-            yield Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes)
-        else:
-            yield self._turned_axes(before, fits)
+            yield Finding.IMU_MIRRORED.on(self.imu, axes=axes_text(matrix)[1:-1])
+            return
+        if best.accelerometer < 0 or np.array_equal(matrix, -np.eye(3)):
+            yield self._sign(fits)
+            matrix = matrix if _proper(matrix) else -matrix
+        if not _proper(matrix):
+            yield self._mirrored(fits)
+        elif not np.array_equal(matrix, np.eye(3)):
+            yield self._turned_axes(before, [replace(best, matrix=matrix), *fits[1:]])
+
+    def _sign(self, fits: list[Hypothesis]) -> Contradiction:
+        """Return the finding on signals of the other sign: the readings that fit and that no declaration refutes."""
+        same = [fit for fit in fits if fit.sensor == "wrench" and np.allclose(abs(fit.matrix), abs(fits[0].matrix))]
+        readings = [reading for fit in same for reading in self._sign_readings(fit)]
+        readings, why = self._decided(list(dict.fromkeys(readings)))
+        several = len(readings) > 1
+        words = ", or ".join(f"{reading.words}{f' ({self._place(reading)})' * several}" for reading in readings)
+        if readings[0].mirrored:
+            self.sums = self.sums.mirrored(self.declared.wrench_point)
+        fit = f"fit {'either' if len(readings) == 2 else 'each'}" if several else f"fit only so{why}"
+        if several and len(same) == 1 and self.upside_down is None:
+            fit += ", with the same tensor"
+        decides = "; the sensors at rest, a recorded attitude or a declared body.r_cg_from_q decides" * several
+        lines = ", or ".join(reading.cure for reading in readings) + "," * several
+        return Finding.SIGN.on(
+            self.imu if readings[0].downwards else self.wrench, words=words, by=self._by, fit=fit,
+            doubt=self._rivals([f for f in fits[1:] if f not in same]), lines=lines, decides=decides,
+        )  # fmt: skip
+
+    def _sign_readings(self, fit: Hypothesis) -> list[SignReading]:
+        """The signs that would make force, moment and specific force fit as a hypothesis does."""
+        if self.upside_down is not None:
+            return [WRENCH, self.upside_down, _alone("force", self.declared)]
+        if fit.accelerometer > 0:
+            return [WRENCH] * (not _proper(fit.matrix))
+        if _proper(fit.matrix):
+            return [DOWNWARDS, _alone("force", self.declared)]
+        return [_alone("moment", self.declared), BOTH]
+
+    def _decided(self, readings: list[SignReading]) -> tuple[list[SignReading], str]:
+        """The readings that attitude and declared centre of gravity leave, and what refuted the others."""
+        kept, why = readings, []
+        if not self.declared.measured:
+            kept = [reading for reading in kept if not reading.downwards] or kept
+        elif self.upward:
+            kept = [reading for reading in kept if reading.downwards == (self.upward < 0)] or kept
+            why += ["the attitude"]
+        mirrored, certain = self._mirrored_as_declared()
+        if certain and any(reading.mirrored == mirrored for reading in kept):
+            kept = [reading for reading in kept if reading.mirrored == mirrored]
+            why += ["the declared centre of gravity"]
+        kept.sort(key=lambda reading: mirrored is not None and reading.mirrored != mirrored)  # the likelier ones first
+        return kept, f", by {' and '.join(why)}" * (len(kept) < len(readings) and bool(why))
+
+    def _mirrored_as_declared(self) -> tuple[bool | None, bool]:
+        """Whether the mirrored centre is nearer to the declared one, None where there is none; and if for certain."""
+        if self.declared.r_cg is None:
+            return None, False
+        plain, mirrored = (self._shift(self.sums, mirrored=turned)[1] for turned in (False, True))
+        return mirrored < plain, abs(plain - mirrored) > DECISIVE / 2
+
+    def _place(self, reading: SignReading) -> str:
+        """The centre of gravity by a reading."""
+        centre = self.sums.centre
+        r = 2 * self.declared.wrench_point - centre.r if reading.mirrored else centre.r
+        sure = np.diag(centre.undetermined) < TOLD
+        at = ", ".join(fixed(1e3 * x, 1) if known else "?" for x, known in zip(r, sure, strict=True))
+        return f"centre of gravity at ({at}) mm"
+
+    @property
+    def _by(self) -> str:
+        """What force and moment are compared with."""
+        return "gravity and the motion" if self.upside_down is None else "the attitudes"
+
+    def _rivals(self, fits: list[Hypothesis]) -> str:
+        """Text on other axes of the wrench that fit as well."""
+        return fits_as_well([self._wrench_cure(fit.matrix) for fit in fits if fit.sensor == "wrench"][:3])
+
+    def _wrench_cure(self, matrix: Matrix) -> str:
+        if np.array_equal(matrix, -np.eye(3)):
+            return ON_SENSOR
+        if _proper(matrix):
+            return self._rotation_cure(self.sums, matrix)[1].rstrip(",")
+        return f"{ON_SENSOR} and {self._rotation_cure(self.sums, -matrix)[1].rstrip(',')}"
+
+    def _mirrored(self, fits: list[Hypothesis]) -> Contradiction:
+        """Return the finding on axes that are left-handed, or turned and reversed."""
+        axes = axes_text(-fits[0].matrix @ self.declared.wrench_rotation)
+        doubt = self._rivals(fits[1:])
+        if self.upside_down is not None and self.declared.measured:
+            imu = "; or the accelerometer's axes are left-handed, or its sign is reversed and its axes turned"
+            doubt += f"{imu} ({self._place(WRENCH)}): {CHANNELS}"
+        return Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes, doubt=doubt)
 
     def _rotated(self, rotation: FreeRotation) -> Contradiction:
         """Any rotation, and what is reversed besides."""
@@ -383,8 +331,11 @@ class _Examination:
     def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Contradiction:
         matrix = fits[0].matrix
         sensor, cure = self._rotation_cure(before, matrix)
-        others = [axes_text(fit.matrix.T)[1:-1] for fit in fits[1:4] if fit.sensor == "wrench"]
+        rivals = [fit for fit in fits[1:4] if fit.sensor == "wrench" and not np.allclose(abs(fit.matrix), abs(matrix))]
+        others = [axes_text(fit.matrix.T)[1:-1] for fit in rivals]
         doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
+        if self.upside_down is not None:
+            doubt = self._rivals(fits[1:])
         axes = axes_text(matrix.T)[1:-1]
         return Finding.OTHER_AXES.on(self._topic(sensor), axes=axes, doubt=doubt, lines=cure)
 
@@ -424,31 +375,24 @@ class _Examination:
         """Yield the finding on units, with its rivals, or that on a declared mass which no unit explains."""
         motion = mass_by_motion(self.sums)
         mass, sigma = (weight.mass, weight.uncertainty) if motion is None else (motion.mass, CERTAIN * motion.sigma)
-        body = BodyByWrench(self.sums, given, mass=mass, uncertainty=sigma, by_motion=motion is not None)
+        body = body_of_run(self.sums, given, mass, sigma, by_motion=motion is not None)
         distance, where = self._elsewhere() or (np.inf, "")
-        readings, declared = other_units(body, self.declared, distance < FARTHEST), self.declared.mass
+        readings = other_units(body, self.declared, distance < FARTHEST)
         two_systems = bool(readings) and readings[0].cost == COSTS["two systems"]
         if two_systems and readings[0].force_factor == 1.0 and distance < FARTHEST:  # rarer than another point
             self.units_instead = [reading.lines() for reading in readings]
         elif readings:
-            best, *rivals = readings
-            self.sums = best.applied(self.sums)
-            lines = [rival.lines() for rival in rivals]
-            if best.force_factor == 1.0 and distance < FARTHEST:
-                lines.append(f"wrench_point = [{where}]")
-            doubt = _or(lines)
-            weighs = significant(best.force_factor * mass, 3)
-            shown = significant(mass, 3)
-            yield Finding.UNITS.on(self.wrench, shown=shown, mass=weighs, doubt=doubt, lines=best.lines())
-        elif declared is not None and abs(mass - declared) > MASS_TOLERANCE * declared + sigma:
-            masses = {"weighs": significant(mass), "stated": significant(declared)}
-            yield Finding.WEIGHT_OF_ANOTHER_MASS.on(self.wrench, **masses)
+            point = [f"wrench_point = [{where}]"] if readings[0].force_factor == 1.0 and distance < FARTHEST else []
+            self.sums = readings[0].applied(self.sums)
+            yield units_finding(body, readings, point, self.wrench)
+        else:
+            yield from mass_finding(mass, sigma, self.declared.mass, self.wrench)
 
     # Small turns, and the moment's point
 
     def _turned(self, given: Scales) -> Iterator[Contradiction]:
-        turn, chi_square, covariance = misalignment(self.sums, given)
-        if chi_square > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
+        turn, certainty, covariance = misalignment(self.sums, given)
+        if certainty > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
             before, rotation = self.sums, exponential(turn)
             sensor, cure = self._rotation_cure(before, rotation.T)
             self.sums = before.turned(wrench=rotation.T) if sensor == "wrench" else before.turned(imu=rotation)
@@ -457,10 +401,14 @@ class _Examination:
                 vector = small_turn_text(turn, covariance)
                 yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
 
-    def _shift(self, sums: ConventionSums) -> tuple[Vector, float]:
-        """Return the shift from the centre of gravity that some sums show to the declared one [m], its chi-square."""
+    def _shift(self, sums: ConventionSums, *, mirrored: bool = False) -> tuple[Vector, float]:
+        """Return the shift from the centre of gravity that some sums show to the declared one [m], its chi-square.
+
+        ``mirrored``: from that on the other side of the moment's point.
+        """
         assert self.declared.r_cg is not None  # noqa: S101
-        shift = self.declared.r_cg - sums.centre.r
+        r = 2 * self.declared.wrench_point - sums.centre.r if mirrored else sums.centre.r
+        shift = self.declared.r_cg - r
         shift = shift - sums.centre.undetermined @ shift
         covariance = sums.centre.covariance + np.diag(self.declared.sigma_r_cg**2) + 1e-6 * np.eye(3)
         return shift, float(shift @ np.linalg.solve(covariance, shift))
@@ -471,16 +419,26 @@ class _Examination:
             distance, where = place
             unknown = "; the motion does not determine coordinates marked ?" * ("?" in where)
             figures = {"distance": 1e3 * distance, "where": where, "unknown": unknown}
-            yield Finding.OTHER_POINT.on(self.wrench, doubt=_or(self.units_instead), **figures)
+            lines = [*self.units_instead, *self._moment_alone()]
+            yield Finding.OTHER_POINT.on(self.wrench, doubt=fits_as_well(lines), **figures)
+
+    def _moment_alone(self) -> list[str]:
+        """The line that gives the moment alone the other sign, where this puts the centre of gravity as declared."""
+        if self._shift(self.sums, mirrored=True)[1] > CERTAIN_SHIFT:
+            return []
+        given, other = scales(self.sums, weight=True), Hypothesis("wrench", -np.eye(3), 0.0, accelerometer=-1.0)
+        worse = chi_square(other.applied(self.sums), given) - chi_square(self.sums, given)
+        alone = _alone("moment", self.declared)
+        return [f"{alone.cure} ({alone.words})"] if worse < EQUAL else []
 
     def _elsewhere(self) -> tuple[float, str] | None:
         """Distance [m] and coordinates of the point that the moment is about, if not Q, by the declared r_CG."""
         if self.declared.r_cg is None:
             return None
-        shift, chi_square = self._shift(self.sums)
+        shift, certainty = self._shift(self.sums)
         certain = np.diag(self.sums.centre.undetermined) < TOLD
         distance = float(np.linalg.norm(shift[certain]))
-        if chi_square < CERTAIN_SHIFT or distance < LEAST_SHIFT:
+        if certainty < CERTAIN_SHIFT or distance < LEAST_SHIFT:
             return None
         point = zip(shift + self.declared.wrench_point, certain, strict=True)
         where = ", ".join(f'"{1e3 * x:.1f} mm"' if sure else "?" for x, sure in point)

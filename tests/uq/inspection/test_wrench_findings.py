@@ -1,5 +1,7 @@
 """`inspect` names what was done to a run and its cure, `identify` warns of it; of clean runs neither says a word."""
 
+import dataclasses
+import json
 import re
 import tomllib
 from functools import cache
@@ -78,6 +80,37 @@ def test_either_of_two_turned_sensors_may_be_declared(tmp_path):
     (found,) = judged(spoil(good()).write(tmp_path / "run.mcap"), T1)
     assert f'wrench_rotation_to_body = "{cure["wrench_rotation_to_body"]}"' in found.text
     assert 'imu_rotation_to_body = "y, -x, z"' in found.text
+
+
+FORCE = {"calibration": np.diag([-1, -1, -1, 1, 1, 1]).tolist()}
+DOWN = {"accelerometer_at_rest": "down"}
+
+
+def force_or_accelerometer_reversed(name):
+    run = good()
+    force, imu = run.wrench.force, run.imu.linear_acceleration
+    if name == "force":
+        return dataclasses.replace(run, wrench=dataclasses.replace(run.wrench, force=-force))
+    return dataclasses.replace(run, imu=dataclasses.replace(run.imu, linear_acceleration=-imu))
+
+
+@pytest.mark.parametrize(("name", "cure"), [("force", FORCE), ("accelerometer", DOWN)])
+def test_a_force_alone_reversed_or_an_accelerometer_downwards(tmp_path, name, cure):
+    """No equation tells (F, f, r) from (-F, -f, -r): both are named, until a centre of gravity is declared."""
+    path = force_or_accelerometer_reversed(name).write(tmp_path / "run.mcap")
+    (either,) = inspect_run(path).findings
+    assert either.kind == "sign"
+    for part in (f"calibration = {FORCE['calibration']}", 'accelerometer_at_rest = "down"', "the same tensor"):
+        assert part in either.text
+    heights = {words: float(re.search(rf"{words}[^(]*\(centre of gravity at \(.*?([−\d.]+)\) mm", either.text)[1]
+                            .replace("−", "-")) for words in ("force alone", "accelerometer")}  # fmt: skip
+    assert heights == pytest.approx({words: 53 if name in words else -53 for words in heights}, abs=15)
+    (decided,) = judged(path, T1)
+    assert "fit only so, by the declared centre of gravity" in decided.text
+    (key, value), other = *cure.items(), *({"calibration", "accelerometer_at_rest"} - set(cure))
+    assert f"set {key} = {json.dumps(value)}" in decided.text
+    assert other not in decided.text
+    assert judged(path, declared(T1, cure)) == []
 
 
 @pytest.mark.study
