@@ -190,9 +190,8 @@ class Finding(Enum):
     )  # fmt: skip
     UNITS_AT_REST = (
         "unit",
-        "in the declared units the body has {shown} kg and its centre of gravity {at} from Q, which is {why}; in "
-        "other units it has {mass} kg",
-        "set {lines} in [recording]{doubt}"
+        "in the declared units the body has {shown} kg and its centre of gravity {at} from Q, which is {why}",
+        "set {lines} in [recording]{decides}"
     )  # fmt: skip
     SIGN = (
         "sign", "force, moment and accelerometer or attitude contradict each other in sign: {words}; {by} {fit}{doubt}",
@@ -204,7 +203,7 @@ class Finding(Enum):
     )  # fmt: skip
     OTHER_AXES = (
         "axes",
-        "load cell and IMU have different axes: gravity and the motion fit in both only if the load cell's x, y, z "
+        "load cell and IMU have different axes: they fit each other only if the load cell's x, y, z "
         "are the IMU's ({axes}){doubt}", "set {lines} in [recording]"
     )  # fmt: skip
     RATE_AXES = (
@@ -214,17 +213,17 @@ class Finding(Enum):
     IMU_MIRRORED = "mirror", "the IMU's axes are left-handed: only ({axes}) of them fit the wrench", CHANNELS
     IMU_MIRRORED_AND_TURNED = (
         "mirror",
-        "the IMU's axes are left-handed, and only a rotation of the IMU's axes into the load cell's by {turn} fits "
-        "gravity and the motion in both", CHANNELS
+        "the IMU's axes are left-handed, and only a rotation of its axes into the load cell's by {turn} fits both",
+        CHANNELS
     )  # fmt: skip
     WRENCH_MIRRORED = (
         "mirror", "the load cell's axes are left-handed, or its sign is reversed and its axes turned{doubt}",
         'both are undone by wrench = "on_sensor" (the other one if it is already declared) and '
-        "wrench_rotation_to_body = {axes} in [recording]"
+        "{lines} in [recording]"
     )  # fmt: skip
     TURNED = (
         "turned",
-        "only a rotation of the IMU's axes into the load cell's by {turn} fits gravity and the motion in both{sign}",
+        "only a rotation of the IMU's axes into the load cell's by {turn} fits both{sign}{doubt}",
         "set {lines} in [recording]"
     )  # fmt: skip
     TURNED_A_LITTLE = (
@@ -255,9 +254,10 @@ class Finding(Enum):
     )  # fmt: skip
     POSES_UPSIDE_DOWN = (
         "gravity",
-        "the weight of the poses points up: the wrench has the other sign, or gravity is upside down, which forces "
-        "at rest cannot tell apart",
-        'set wrench = "on_sensor" ("on_body" if that is already set), or urdf_gravity = [{gravity}], in [recording]'
+        "the weight of the poses points up: the wrench has the other sign, or the force alone, which mirrors the "
+        "centre of gravity, or gravity is upside down; forces at rest do not tell",
+        'set wrench = "on_sensor" ("on_body" if that is already set), or the other sign in three rows of calibration, '
+        "or urdf_gravity = [{gravity}], in [recording]"
     )  # fmt: skip
     ATTITUDE_READ_OTHERWISE = "attitude", "the forces fit the attitudes only {how}{doubt}", "{lines}"
     QUATERNION_ORDER = (

@@ -173,5 +173,5 @@ def test_a_table_of_poses_by_joint_angles(tmp_path):
     np.testing.assert_allclose(centre.r_cg, posed_runs.R_CG, atol=1e-5)
     assert centre.warnings == ()
     up = {"urdf_gravity": ["0 m/s^2", "0 m/s^2", "9.81 m/s^2"]}
-    with pytest.raises(RunError, match=r"the weight of the poses points up.*-9\.810"):
+    with pytest.raises(RunError, match=r"gravity is upside down.*-9\.810"):
         weighed(tmp_path / "p.csv", poses, recording | up)

@@ -13,8 +13,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
+from identify.judge.conventions.convention_fit import DeclaredRig
 from identify.judge.conventions.free_rotation import axes_text
-from identify.judge.conventions.pose_findings import PoseReading, pose_findings
+from identify.judge.conventions.gravity_findings import gravity_text
+from identify.judge.conventions.pose_findings import PoseReading, axis_findings, pose_findings, unit_findings
+from identify.judge.conventions.wrench_findings import DOWNWARDS, SignReading
+from identify.judge.findings import Contradiction
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError, refuse_excess
 from identify.signals.segments import still
@@ -23,6 +27,7 @@ from identify.static.attitude_turn import attitude_turn
 from identify.static.centre import centre
 from identify.static.centre_result import Centre
 from identify.static.creep import creeping
+from identify.static.pose_fit import PoseSignals
 from identify.static.sampled_rows import sampled, turning
 from uq.experiment.experiment import Experiment
 from uq.experiment.pose_table import (
@@ -41,6 +46,7 @@ from uq.files.provenance import provenance
 from uq.files.units import scale
 from uq.identification.centre_errors import ATTITUDE_AXIS, weight_errors
 from uq.identification.undeclared import centre_with_undeclared
+from uq.inspection.experiment_findings import declared_rig
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.joint_kinematics import Chain
 from uq.recorded.load_run import Recorded, load
@@ -83,7 +89,9 @@ class _Wrenches:
     """Poses that count, (n,)."""
     labels: tuple[str, ...]
     """Names of the poses in messages: ``pose 7``, and when it was held."""
-    findings: tuple[str, ...] = ()
+    measured: bool
+    """Whether an accelerometer tells the attitudes."""
+    findings: Sequence[Contradiction] = ()
     """Contradictions of the declared attitudes by the forces, each with its cure."""
 
 
@@ -120,6 +128,8 @@ def centre_file(
     of_file = _table_wrenches if Path(path).suffix.lower() in TABLES else _run_wrenches
     wrenches = _without(of_file(path, experiment, windows), without, name)
     force, moment, specific_force = wrenches.force, wrenches.moment, wrenches.lean.specific_force
+    rig = _declared_rig(experiment, wrenches)
+    findings = [*(wrenches.findings or _axes(wrenches, experiment, rig, name))]
     estimate = partial(
         centre, force, moment, specific_force, mass=experiment.scale, name=name, used=wrenches.used,
         labels=wrenches.labels,
@@ -129,7 +139,8 @@ def centre_file(
     try:
         plain = estimate(attitudes=attitudes)
     except RunError as error:
-        raise RunError("; ".join(wrenches.findings) or str(error)) from None
+        raise RunError("; ".join(_texts(findings)) or str(error)) from None
+    findings = findings or unit_findings(plain, rig, name)
     push = plain.mass * specific_force
     errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
     result = estimate(attitudes=replace(attitudes, wrench=errors)) if names else plain
@@ -146,7 +157,7 @@ def centre_file(
         result,
         lasting_names=(*(f"{ATTITUDE_AXIS}{k + 1}" for k in range(attitudes.lasting)), *names),
         zero=reading_of(offset, wrenches.rig) if wrenches.rig.cell_axes else None,
-        warnings=(*(wrenches.findings or _turned(wrenches, poses)), *wrenches.warnings, *result.warnings),
+        warnings=(*(_texts(findings) or _turned(wrenches, poses)), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *aligned, *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
     )
@@ -161,6 +172,34 @@ def _without(wrenches: _Wrenches, numbers: Sequence[int], name: str) -> _Wrenche
     left_out = np.isin(np.arange(1, count + 1), numbers)
     notes = [f"left out as asked: {label}" for label in np.array(wrenches.labels)[left_out]]
     return replace(wrenches, used=wrenches.used & ~left_out, notes=(*wrenches.notes, *notes))
+
+
+def _texts(findings: Sequence[Contradiction]) -> tuple[str, ...]:
+    return tuple(f"suspicious {finding.topic}: {finding.text}" for finding in findings)
+
+
+def _declared_rig(experiment: Experiment, wrenches: _Wrenches) -> DeclaredRig:
+    """Return the declarations of body and rig; a scale's mass counts before the body's."""
+    rig = declared_rig(experiment, measured=wrenches.measured)
+    return rig if experiment.scale is None else replace(rig, mass=experiment.scale[0])
+
+
+def _axes(wrenches: _Wrenches, experiment: Experiment, rig: DeclaredRig, name: str) -> list[Contradiction]:
+    """Contradictions of axes and signs; of a wrench that the attitude turned back only those of signs."""
+    signals = (wrenches.force, wrenches.moment, wrenches.lean.specific_force)
+    used = PoseSignals(*(values[wrenches.used] for values in signals))
+    found = axis_findings(used, rig, _upside_down(wrenches, experiment), name)
+    return [finding for finding in found if finding.kind == "sign" or not experiment.recording.turns_back]
+
+
+def _upside_down(wrenches: _Wrenches, experiment: Experiment) -> SignReading:
+    """Words and cure where the attitudes have the other sign."""
+    if wrenches.measured:
+        return DOWNWARDS
+    if experiment.poses is not None and experiment.poses.attitude == "gravity":
+        return SignReading("the vectors of gravity point up", "the other sign in their columns")
+    gravity = gravity_text(-experiment.recording.gravity_of_poses(experiment.gravity))
+    return SignReading("gravity is upside down", f"urdf_gravity = [{gravity}]")
 
 
 def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
@@ -220,11 +259,10 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
             f"the attitude changes from row to row of {name}: its rows are samples of a motion, not poses. Write how "
             'many there are a second in [poses], such as rate = "125 Hz": then each still segment is a pose'
         )
-    findings: tuple[str, ...] = ()
+    findings: Sequence[Contradiction] = ()
     if to_rest is not None:
         along = rig.wrench(bag.wrench)[0]
-        judged = pose_findings(along, pose_readings(attitude, experiment, rig.imu_rotation, name), name)
-        findings = tuple(f"suspicious {finding.topic}: {finding.text}" for finding in judged)
+        findings = pose_findings(along, pose_readings(attitude, experiment, rig.imu_rotation, name), name)
     if sensed:
         lean = _by_accelerometer(readings, experiment, rig.imu_rotation)
     else:
@@ -232,7 +270,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     return _Wrenches(
         force=force, moment=moment, lean=lean, rig=rig, sha256=bag.sha256, warnings=lean.warnings,
         notes=(*lean.notes, *notes), used=np.ones(len(force), bool),
-        labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), findings=findings,
+        labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), findings=findings, measured=sensed,
     )  # fmt: skip
 
 
@@ -289,7 +327,7 @@ def _held(
     return _Wrenches(
         force=means[:, :3], moment=means[:, 3:], lean=lean, rig=recorded.rig, sha256=str(run.sha256),
         warnings=(*run.warnings, *left_out, *lean.warnings), notes=(held, *lean.notes),
-        used=used, labels=_labels(run, rests),
+        used=used, labels=_labels(run, rests), measured=run.specific_force is not None and run.gravity is None,
     )  # fmt: skip
 
 

@@ -51,7 +51,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name, delay):
         return clocks
     attitude = _attitude(run, experiment, usable)
-    rig = _declared(run, experiment, undone=undone, turn_free=turn_free)
+    rig = declared_rig(experiment, measured=run.gravity is None, undone=undone, turn_free=turn_free)
+    rig = replace(rig, imu_position=run.imu_position)
     if attitude is not None and (contradicted := attitude_findings(imu, attitude.to_rest, rig, run.name)):
         return contradicted
     if run.specific_force is None:
@@ -77,8 +78,17 @@ def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal
     )  # fmt: skip
 
 
-def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> DeclaredRig:
-    """Return the experiment's declarations on the body and on the recording."""
+def declared_rig(
+    experiment: Experiment, *, measured: bool, undone: bool = True, turn_free: bool = False
+) -> DeclaredRig:
+    """Return the experiment's declarations on the body and on the recording.
+
+    Args:
+        experiment: the declarations.
+        measured: whether the specific force is an accelerometer's.
+        undone: whether weight that a driver removed was put back.
+        turn_free: whether the estimate finds a small turn of the IMU by itself.
+    """
     recording = experiment.recording
     removed = recording.removes_weight and not undone
     payload = experiment.mass if recording.payload_mass is None else recording.payload_mass
@@ -91,11 +101,10 @@ def _declared(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool
     }
     return DeclaredRig(
         mass=experiment.mass,
-        measured=run.gravity is None,
+        measured=measured,
         removed=(payload or 0.0) if recording.removes_weight else 0.0,
         r_cg=experiment.r_cg_from_q,
         sigma_r_cg=np.asarray(experiment.sigma_r_cg),
-        imu_position=run.imu_position,
         weighed=recording.zero != "loaded" and not removed,
         units=(_in_si(recording.force_unit, "N"), _in_si(recording.moment_unit, "N*m")),
         rate_unit=_in_si(recording.angular_velocity_unit, "rad/s"),

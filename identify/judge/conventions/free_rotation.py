@@ -5,6 +5,7 @@ One that is no order of the axes is named in words, with its cure.
 """
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -15,6 +16,7 @@ from identify.judge.conventions import convention_fit
 from identify.judge.conventions.axis_hypotheses import (
     COSTS,
     DECISIVE,
+    EQUAL,
     Hypothesis,
     Scales,
     chi_square,
@@ -95,7 +97,14 @@ class FreeRotation:
         return nearest, float(np.linalg.norm(rotation_vectors((nearest.T @ self.matrix)[None])))
 
 
-def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: Terms) -> FreeRotation:
+def free_rotation(
+    sums: ConventionSums,
+    given: Scales,
+    *,
+    weight: bool,
+    terms: Terms,
+    reversals: Sequence[Hypothesis] = REVERSED,
+) -> FreeRotation:
     """Return the rotation that fits best.
 
     Args:
@@ -103,9 +112,10 @@ def free_rotation(sums: ConventionSums, given: Scales, *, weight: bool, terms: T
         given: scales from the best of the signed orders of the axes, which are too wide where none of them fits.
         weight: whether the mean force is the body's weight.
         terms: of the moment; fewer than in the grid's search tell the rotation better.
+        reversals: tried before the rotation.
     """
     scored = []
-    for reverse in REVERSED:
+    for reverse in reversals:
         fits = chi_square(reverse.applied(sums).turned(imu=grid()), given).tolist()
         scored += [(fit + reverse.cost, matrix, reverse) for fit, matrix in zip(fits, grid(), strict=True)]
     scored.sort(key=lambda item: item[0])
@@ -184,6 +194,14 @@ def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> F
     return free if angle > LEAST_TURN and gain > CERTAIN_SHIFT else None
 
 
+def other_sign(sums: ConventionSums, rotation: FreeRotation) -> FreeRotation | None:
+    """Return the rotation of static poses with the other sign of the wrench, if it fits as well."""
+    others = [reverse for reverse in REVERSED[:2] if reverse is not rotation.reversed]
+    other = free_rotation(sums, rotation.given, weight=False, terms=MOMENT_TERMS_WITH_WEIGHT, reversals=others)
+    fits = [float(chi_square(turn.applied(sums), rotation.given)) + turn.reversed.cost for turn in (other, rotation)]
+    return other if fits[0] < fits[1] + EQUAL else None
+
+
 def explains(sums: ConventionSums, columns: slice, variance: float) -> bool:
     """Whether some rigid body, or white noise, explains force or moment: hands on the body are not judged."""
     return bool(variance < max(9 * _white(sums, columns), NOT_RIGID**2 * float(sums.changes(columns))))
@@ -204,18 +222,20 @@ def _white(sums: ConventionSums, columns: slice) -> float:
     return float(sums.noise[columns.start // 3] ** 2 * sums.white)
 
 
-def rotation_finding(rotation: FreeRotation, topic: str, cure: str) -> Contradiction:
-    """Return the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure."""
+def rotation_finding(rotation: FreeRotation, topic: str, cure: str, doubt: str = "") -> Contradiction:
+    """Return the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure, what fits as well."""
     vector = rotation.vector
     x, y, z = vector / max(float(np.linalg.norm(vector)), 1e-12)
     angle, u = np.degrees([float(np.linalg.norm(vector)), COVERAGE * rotation.standard_uncertainty])
     about = ", ".join(fixed(part, 2) for part in (x, y, z))
     turn = f"{with_uncertainty(angle, u)} deg about ({about})"
     if np.array_equal(rotation.reversed.matrix, np.eye(3)):
-        return Finding.TURNED.on(topic, turn=turn, sign="", lines=cure)
+        return Finding.TURNED.on(topic, turn=turn, sign="", doubt=doubt, lines=cure)
     if rotation.reversed.sensor == "wrench":
         lines = f'wrench = "on_sensor" ("on_body" if that is already set) and {cure}'
-        return Finding.TURNED.on(topic, turn=turn, sign=", and force and moment have the reversed sign", lines=lines)
+        return Finding.TURNED.on(
+            topic, turn=turn, sign=", and force and moment have the reversed sign", doubt=doubt, lines=lines
+        )
     return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
 
 

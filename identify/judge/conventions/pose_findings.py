@@ -1,15 +1,33 @@
-"""Findings on the attitudes of static poses, by the weight alone: which way to read them fits the forces."""
+"""Findings on static poses, by the weight alone: how their attitudes are to be read, axes and signs, units."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import DECISIVE, EQUAL
-from identify.judge.conventions.convention_fit import Vector
+from identify.judge.conventions.convention_fit import (
+    CONSTANT,
+    FORCE,
+    GRAVITY,
+    MOMENT,
+    SPECIFIC,
+    WIDTH,
+    CentreFit,
+    ConventionSums,
+    DeclaredRig,
+    Vector,
+)
 from identify.judge.conventions.gravity_findings import AXIS, READINGS, PosedForce, Rotations, along_axis, gravity_text
+from identify.judge.conventions.removed_weight import CERTAIN
+from identify.judge.conventions.wrench_findings import Examination, SignReading
+from identify.judge.conventions.wrench_units import BodyByWrench, mass_finding, other_units, units_finding
 from identify.judge.findings import Contradiction, Finding
+from identify.rigid_body.regressor import cross_matrices
+from identify.static.centre_result import Centre
+from identify.static.pose_fit import PoseSignals
 
 CHANGE = 20.0
 """Chi-square that each further change of the declarations of static poses must gain.
@@ -59,11 +77,7 @@ def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReadin
     ]
     turned = posed[0].excess(sensor, least) + CHANGE
     best = int(np.argmin(scores))
-    if scores[0] < scores[best] + DECISIVE:
-        upside_down = fits[0].mass < 0 and posed[0].explained(fits[0])
-        cure = gravity_text(-declared.gravity)
-        return [Finding.POSES_UPSIDE_DOWN.on(topic, gravity=cure)] if upside_down else []
-    if turned < scores[best] - EQUAL:
+    if scores[0] < scores[best] + DECISIVE or turned < scores[best] - EQUAL:
         return []
     others = [k for k in np.argsort(scores) if scores[k] < scores[best] + EQUAL and not _same(posed[k], posed[best])]
     rivals = [readings[k].how for k in others] + [READINGS["sensor"]] * (turned < scores[best] + EQUAL)
@@ -91,3 +105,56 @@ def _posed(force: np.ndarray, reading: PoseReading) -> PosedForce:
     if reading.gravity is None:
         return PosedForce(along, reading.to_rest)
     return PosedForce(along, reading.to_rest, specific=-np.einsum("nji,j->ni", reading.to_rest, reading.gravity))
+
+
+FEWEST = 6
+"""Choice: poses from which axes are judged; of fewer, three numbers of a rotation imitate noise."""
+
+
+def axis_findings(
+    signals: PoseSignals, declared: DeclaredRig, upside_down: SignReading, topic: str
+) -> list[Contradiction]:
+    """Judge axes and signs of the load cell against those of the attitude, as those of a run.
+
+    Args:
+        signals: of the poses, in B as far as declared.
+        declared: of body and rig.
+        upside_down: words and cure where the attitude has the other sign.
+        topic: what messages call the poses.
+    """
+    if len(signals.force) < FEWEST:
+        return []
+    return list(Examination(_sums(signals), declared, topic, topic).at_rest(upside_down))
+
+
+def _sums(signals: PoseSignals) -> ConventionSums:
+    """The sums of poses, without motion; the moment's zero, which may be large, is taken off by ``M = r × F + M0``."""
+    force, moment, specific = signals
+    rows = np.concatenate([-cross_matrices(force), np.broadcast_to(np.eye(3), (len(force), 3, 3))], axis=2)
+    fitted = np.linalg.lstsq(rows.reshape(-1, 6), moment.reshape(-1), rcond=None)[0]
+    columns = np.zeros((WIDTH, len(force)))
+    columns[FORCE], columns[MOMENT] = force.T, (moment - fitted[3:]).T
+    columns[SPECIFIC] = columns[GRAVITY] = specific.T
+    columns[CONSTANT] = 1.0
+    return ConventionSums(columns @ columns.T / len(force), float(len(force)))
+
+
+def unit_findings(centre: Centre, declared: DeclaredRig, topic: str) -> list[Contradiction]:
+    """Judge the units of static poses by mass, lever and density, as those of a run.
+
+    Args:
+        centre: as the poses show it.
+        declared: mass and units; the declared centre of gravity does not count, which poses are to measure.
+        topic: what messages call the poses.
+    """
+    place = CentreFit(centre.r_cg, centre.covariance[1:4, 1:4], np.zeros((3, 3)))
+    mass, sigma, gain = centre.mass, float(np.sqrt(centre.covariance[0, 0])), centre.gain
+    if gain is not None:  # the centre's mass is the scale's where the load cell's contradicts it
+        mass, sigma = gain.ratio * gain.mass, gain.ratio_standard_uncertainty * gain.mass
+    force, moment = centre.residual
+    scatter = moment / max(force, 1e-12 * mass)
+    body = BodyByWrench(mass=mass, uncertainty=CERTAIN * sigma, centre=place, scatter=scatter)
+    readings = other_units(body, replace(declared, r_cg=None), elsewhere=False)
+    if readings:
+        return [units_finding(body, readings, [], topic)]
+    return list(mass_finding(mass, CERTAIN * sigma, declared.mass if gain is None else None, topic))

@@ -42,6 +42,7 @@ from identify.judge.conventions.free_rotation import (
     axes_text,
     explains,
     oblique_rotation,
+    other_sign,
     rotation_finding,
     small_turn_text,
 )
@@ -133,6 +134,8 @@ class SignReading(NamedTuple):
 
 ON_SENSOR = 'wrench = "on_sensor" ("on_body" if that is already set)'
 DOWN = 'accelerometer_at_rest = "down" ("up" if that is already set)'
+DECIDES = "the accelerometer's reading at rest, a recorded attitude or a declared body.r_cg_from_q decides"
+DECIDES_AT_REST = "the sensors' readings under a known load, or a declared body.r_cg_from_q, decide"
 WRENCH = SignReading("force and moment have the reversed sign", ON_SENSOR)
 DOWNWARDS = SignReading("the accelerometer reads downwards at rest", DOWN, downwards=True)
 BOTH = SignReading(f"{WRENCH.words} and {DOWNWARDS.words}", f"{ON_SENSOR} and {DOWN}", downwards=True)
@@ -161,12 +164,13 @@ class Examination:
     """
 
     upside_down: SignReading | None = None
-    """What may have the other sign in place of the wrench, of static poses; None: of a run."""
+    """Reading of the attitudes of static poses with the other sign; None: the sums are those of a run."""
 
     def __init__(
         self, sums: ConventionSums, declared: DeclaredRig, wrench: str, imu: str, *, upward: float = 0.0
     ) -> None:
         self.sums, self.declared, self.wrench, self.imu = sums, declared, wrench, imu
+        self.recorded = sums
         self.upward = upward if abs(upward) > LEAST_GRAVITY else 0.0
         self.units_instead: list[str] = []
 
@@ -206,7 +210,8 @@ class Examination:
         given = scales(self.sums, weight=False)
         rotation = oblique_rotation(self.sums, given, weighed=False)
         if rotation is not None:
-            yield self._rotated(rotation)
+            other = other_sign(self.sums, rotation)
+            yield self._rotated(rotation, "" if other is None else fits_as_well([self._sign_and_turn(other)]))
         elif explains(self.sums, FORCE, given.force):
             yield from self._axes(best_axes(self.sums, given, at_rest=True))
 
@@ -238,7 +243,7 @@ class Examination:
         fit = f"fit {'either' if len(readings) == 2 else 'each'}" if several else f"fit only so{why}"
         if several and len(same) == 1 and self.upside_down is None:
             fit += ", with the same tensor"
-        decides = "; the sensors at rest, a recorded attitude or a declared body.r_cg_from_q decides" * several
+        decides = f"; {DECIDES if self.upside_down is None else DECIDES_AT_REST}" * several
         lines = ", or ".join(reading.cure for reading in readings) + "," * several
         return Finding.SIGN.on(
             self.imu if readings[0].downwards else self.wrench, words=words, by=self._by, fit=fit,
@@ -287,7 +292,7 @@ class Examination:
 
     @property
     def _by(self) -> str:
-        """What force and moment are compared with."""
+        """Words for the signals that force and moment are compared with."""
         return "gravity and the motion" if self.upside_down is None else "the attitudes"
 
     def _rivals(self, fits: list[Hypothesis]) -> str:
@@ -298,24 +303,31 @@ class Examination:
         if np.array_equal(matrix, -np.eye(3)):
             return ON_SENSOR
         if _proper(matrix):
-            return self._rotation_cure(self.sums, matrix)[1].rstrip(",")
-        return f"{ON_SENSOR} and {self._rotation_cure(self.sums, -matrix)[1].rstrip(',')}"
+            return self._rotation_cure(self.recorded, matrix)[1].rstrip(",")
+        return f"{ON_SENSOR} and {self._rotation_cure(self.recorded, -matrix)[1].rstrip(',')}"
 
     def _mirrored(self, fits: list[Hypothesis]) -> Contradiction:
         """Return the finding on axes that are left-handed, or turned and reversed."""
-        axes = axes_text(-fits[0].matrix @ self.declared.wrench_rotation)
+        turn = -fits[0].matrix
+        # a left-handed cell is one reversed and turned by half a turn; any other turn may be the IMU's
+        cell = f"wrench_rotation_to_body = {axes_text(turn @ self.declared.wrench_rotation)}"
+        lines = cell if np.allclose(turn, turn.T) else self._rotation_cure(self.recorded, turn)[1].rstrip(",")
         doubt = self._rivals(fits[1:])
         if self.upside_down is not None and self.declared.measured:
             imu = "; or the accelerometer's axes are left-handed, or its sign is reversed and its axes turned"
             doubt += f"{imu} ({self._place(WRENCH)}): {CHANNELS}"
-        return Finding.WRENCH_MIRRORED.on(self.wrench, axes=axes, doubt=doubt)
+        return Finding.WRENCH_MIRRORED.on(self.wrench, lines=lines, doubt=doubt)
 
-    def _rotated(self, rotation: FreeRotation) -> Contradiction:
-        """Any rotation, and what is reversed besides."""
+    def _sign_and_turn(self, rotation: FreeRotation) -> str:
+        """The lines that undo a rotation, and what is reversed besides."""
+        return self._wrench_cure(rotation.reversed.matrix @ rotation.matrix.T)
+
+    def _rotated(self, rotation: FreeRotation, doubt: str = "") -> Contradiction:
+        """Any rotation, and what is reversed besides; ``doubt``: what fits as well."""
         before, undone = rotation.reversed.applied(self.sums), rotation.matrix.T
         sensor, cure = self._rotation_cure(before, undone)
         self.sums = before.turned(wrench=undone) if sensor == "wrench" else before.turned(imu=rotation.matrix)
-        return rotation_finding(rotation, self._topic(sensor), cure)
+        return rotation_finding(rotation, self._topic(sensor), cure, doubt)
 
     def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
         """The sensor that is turned, where that is decided, and the line or lines that undo it."""

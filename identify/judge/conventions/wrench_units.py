@@ -214,6 +214,8 @@ class BodyByWrench:
     def _unusual(self, factor: float, mass: float) -> float:
         """Chi-square of a lever that is unusual for a body of this mass."""
         usual = np.cbrt(mass / USUAL) / 2
+        if self.distance(factor) > FARTHEST:
+            return MOST_UNUSUAL
         decades = 3 * np.log10(max(self.distance(factor), 1e-3 * usual) / usual)
         return float(min(decades**2, MOST_UNUSUAL))
 
@@ -289,21 +291,22 @@ def units_finding(body: BodyByWrench, readings: list[UnitReading], lines: list[s
         topic: what messages call the data.
     """
     best, *rivals = readings
-    doubt = fits_as_well([*(f"{rival.lines()}{_so(body, rival)}" for rival in rivals), *lines])
-    figures = {"shown": significant(body.mass, 3), "mass": significant(best.force_factor * body.mass, 3)}
-    if body.trace is not None:
-        return Finding.UNITS.on(topic, **figures, doubt=doubt, lines=best.lines())
-    figures["at"] = f"{significant(1e3 * body.distance(), 3)} mm"
-    why = "no body" if body.impossible(DECLARED) else "not the declared mass"
-    return Finding.UNITS_AT_REST.on(topic, **figures, why=why, doubt=doubt, lines=f"{best.lines()}{_so(body, best)}")
+    shown = significant(body.mass, 3)
+    if body.trace is None:
+        found = ", or ".join(f"{reading.lines()} ({_so(body, reading)})" for reading in readings) + "," * bool(rivals)
+        decides = "; a declared mass ([scale] or body.mass) decides" * bool(rivals)
+        at = f"{significant(1e3 * body.distance(), 3)} mm"
+        why = "no body" if body.impossible(DECLARED) else "not the declared mass"
+        return Finding.UNITS_AT_REST.on(topic, shown=shown, at=at, why=why, lines=found, decides=decides)
+    doubt = fits_as_well([*(rival.lines() for rival in rivals), *lines])
+    mass = significant(best.force_factor * body.mass, 3)
+    return Finding.UNITS.on(topic, shown=shown, mass=mass, doubt=doubt, lines=best.lines())
 
 
 def _so(body: BodyByWrench, reading: UnitReading) -> str:
-    """What other units make of a body at rest: its mass, and the distance of its centre of gravity from Q."""
-    if body.trace is not None:
-        return ""
+    """Return mass of a body at rest, and distance of its centre of gravity from Q, in other units."""
     mass, distance = reading.force_factor * body.mass, 1e3 * body.distance(reading.lever_factor)
-    return f" ({significant(mass, 3)} kg, {significant(distance, 3)} mm)"
+    return f"{significant(mass, 3)} kg, {significant(distance, 3)} mm"
 
 
 def mass_finding(mass: float, uncertainty: float, declared: float | None, topic: str) -> Iterator[Contradiction]:

@@ -203,7 +203,7 @@ def test_attitudes_that_are_none(tmp_path, generator, attitude, change, words):
         ('"9.81 m/s^2"', "9.81", "platform.gravity is 9.81: write a value with its unit"),
         ('"lbf"', '"m"', "recording.force_unit is 'm'"),
         ('"y, z, x"', '"y, x, z"', "left-handed"),
-        ('"on_sensor"', '"on_body"', "points along gravity"),
+        ('"on_sensor"', '"on_body"', "force and moment have the reversed sign"),
     ],
 )
 def test_declarations_that_cannot_be_used(tmp_path, generator, capsys, old, new, words):
