@@ -152,6 +152,11 @@ def _proper(matrix: Matrix) -> bool:
     return float(np.linalg.det(matrix)) > 0
 
 
+def _without_moment(sums: ConventionSums) -> ConventionSums:
+    """The sums of static poses with a moment that any axes explain: nought, and a noise above the arithmetic's."""
+    return replace(sums.scaled(MOMENT, 0.0), noise=(0.0, 1e-6), white=1.0)
+
+
 class Examination:
     """A run's findings in order: each step corrects the sums for its finding before the next looks at them.
 
@@ -207,13 +212,14 @@ class Examination:
             upside_down: words and cure where the attitude has the other sign.
         """
         self.upside_down = upside_down
-        given = scales(self.sums, weight=False)
-        rotation = oblique_rotation(self.sums, given, weighed=False)
+        by_force = _without_moment(self.sums)
+        given = scales(by_force, weight=False)
+        rotation = oblique_rotation(by_force, given, weighed=False)
         if rotation is not None:
-            other = other_sign(self.sums, rotation)
+            other = other_sign(by_force, rotation)
             yield self._rotated(rotation, "" if other is None else fits_as_well([self._sign_and_turn(other)]))
-        elif explains(self.sums, FORCE, given.force):
-            yield from self._axes(best_axes(self.sums, given, at_rest=True))
+        elif explains(by_force, FORCE, given.force):
+            yield from self._axes(best_axes(by_force, given, at_rest=True))
 
     # Axes and signs
 
