@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, thrown_by_sysid
+from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.estimator_spec import EstimatorSpec
@@ -81,6 +82,11 @@ def interval(estimate: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.stack([estimate - half, estimate + half], axis=1)
 
 
+def second(result: Identification) -> np.ndarray:
+    """Return the second interval, which holds undeclared errors."""
+    return np.asarray(result.interval95_with_undeclared)
+
+
 def ways_of(experiment: Experiment) -> dict[str, Way]:
     """Return what is compared, by name."""
     estimator = experiment.estimator()
@@ -91,7 +97,9 @@ def ways_of(experiment: Experiment) -> dict[str, Way]:
 
     ways: dict[str, Way] = {
         "identify": lambda files: identify_files(files, experiment).interval95,
+        "identify, second": lambda files: second(identify_files(files, experiment)),
         "identify, no sources": lambda files: identify_files(files, undeclared).interval95,
+        "identify, no sources, second": lambda files: second(identify_files(files, undeclared)),
         "plain": lambda files: plain(loaded(files)),
         "plain, low-pass": lambda files: plain_lowpassed(loaded(files), estimator),
     }
@@ -101,41 +109,57 @@ def ways_of(experiment: Experiment) -> dict[str, Way]:
 
 
 def holds(interval: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Return which intervals hold the truth, (6,)."""
-    return (interval[:, 0] <= truth) & (truth <= interval[:, 1])
+    """Return which intervals hold the truth, (..., 6)."""
+    return (interval[..., 0] <= truth) & (truth <= interval[..., 1])
 
 
-def lines_of(body: str, names: Sequence[str], intervals: dict[str, np.ndarray], truth: np.ndarray) -> list[str]:
-    """Return a line for each recording, one for all of them, and one for the recordings pooled.
+def summary(ends: np.ndarray, truth: np.ndarray) -> str:
+    """Return how many intervals hold the truth, beside how wide those of the moments are.
+
+    Width and miss are in per cent of the truth: half the width, the median and the widest; the interval score (width
+    and 2/0.05 times the miss, Gneiting and Raftery 2007, doi:10.1198/016214506000001437), the mean; the error over half
+    the width over 1.96, root mean square.
 
     Args:
-        body: its name.
-        names: of the recordings, the last that of them pooled.
-        intervals: of each way, (recordings + 1, 6, 2).
+        ends: of intervals of some runs, (runs, 6, 2).
         truth: the tensor, (6,).
     """
-    held = {way: np.array([holds(interval, truth) for interval in ends]) for way, ends in intervals.items()}
-    lines = [
-        f"{name:14}" + "".join(f"{f'{in_run[number].sum()}/6':>24}" for in_run in held.values())
-        for number, name in enumerate(names)
-    ]
-    width = {way: np.diff(ends)[:, MOMENTS, 0] / 2 / truth[MOMENTS] for way, ends in intervals.items()}
-    single = "".join(
-        f"{f'{100 * held[way][:-1].mean():.0f} % (±{100 * np.median(width[way][:-1]):.2g} %)':>24}" for way in intervals
+    held, size = holds(ends, truth), truth[MOMENTS]
+    low, high = np.moveaxis(ends[:, MOMENTS], -1, 0)
+    half, error = (high - low) / 2, (high + low) / 2 - size
+    score = 2 * half + 2 / 0.05 * (np.maximum(low - size, 0) + np.maximum(size - high, 0))
+    ratio = np.sqrt(np.mean((error / (half / 1.96)) ** 2))
+    return (
+        f"{held.sum():4} of {held.size:3} {100 * np.median(half / size):8.2g} {100 * (half / size).max():8.2g}"
+        f" {100 * (score / size).mean():8.2g} {ratio:8.2g}"
     )
-    together = "".join(f"{f'{held[way][-1].sum()}/6 (±{100 * width[way][-1].mean():.2g} %)':>24}" for way in intervals)
-    return [*lines[:-1], f"{f'{body}, single':14}{single}", f"{f'{body}, pooled':14}{together}"]
+
+
+HEADINGS = f"{'held':>11} {'median %':>8} {'widest %':>8} {'score %':>8} {'error/u':>8}"
 
 
 def table(folder: Path, ways: Mapping[str, Way]) -> Iterator[str]:
-    """Yield the table of a folder of throws, body after body."""
-    yield f"{'holds of six':14}" + "".join(f"{name:>24}" for name in ways)
+    """Yield the table of a folder of throws: each body's single runs, and its runs pooled, by each way."""
+    yield f"{'':52}{HEADINGS}"
     for body, about in json.loads((folder / "truth.json").read_text()).items():
         truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
         files = sorted(folder.glob(f"{body}_*.mcap"))
-        selections = [*([file] for file in files), files]
-        intervals = {name: np.array([way(selection) for selection in selections]) for name, way in ways.items()}
-        yield from lines_of(body, [*(file.name for file in files), "pooled"], intervals, truth)
+        for name, way in ways.items():
+            for words, selections in (("single", [[file] for file in files]), ("pooled", [files])):
+                ends = np.array([way(selection) for selection in selections])
+                yield f"{f'{body}, {words}, {name}':52}{summary(ends, truth)}"
+
+
+def components(folder: Path, experiment: Experiment) -> Iterator[str]:
+    """Yield error and half-widths of each component of the runs pooled, and the warnings."""
+    for body, about in json.loads((folder / "truth.json").read_text()).items():
+        truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
+        result = identify_files(sorted(folder.glob(f"{body}_*.mcap")), experiment)
+        first, second = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared))
+        rows = zip(COMPONENTS, 1e6 * (result.inertia - truth), 1e6 * first, 1e6 * second, strict=True)
+        yield f"{body}, pooled, kg·mm²: error, half-widths of the first and second interval"
+        yield from (f"  {name} {error:8.2f} ± {one:.2f} ± {two:.2f}" for name, error, one, two in rows)
+        yield from (f"  warning: {text}" for text in result.warnings)
 
 
 def main() -> None:
@@ -147,7 +171,8 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     if not AVAILABLE:
         print(INSTALL)
-    for line in table(arguments.folder, ways_of(Experiment.load(arguments.experiment))):
+    experiment = Experiment.load(arguments.experiment)
+    for line in (*table(arguments.folder, ways_of(experiment)), *components(arguments.folder, experiment)):
         print(line, flush=True)
 
 

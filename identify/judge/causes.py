@@ -280,7 +280,7 @@ class Candidate(NamedTuple):
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
         if self.run is None:
             return evidence(base, self.finding, self.size, self.lines, white=white)
-        of_run = base.of_run(self.run)
+        of_run = base.alone[self.run]
         one = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
         return None if one is None else one._replace(lines=self.lines)
 
@@ -294,7 +294,7 @@ class Candidate(NamedTuple):
         if self.run is not None or len(base.runs) == 1:
             return True
         common = base.absorbing(verdict.lines, verdict.scale)
-        apart = [evidence(common.of_run(k), self.finding, self.size, [part]) for k, part in enumerate(self.lines)]
+        apart = [evidence(common.alone[k], self.finding, self.size, [part]) for k, part in enumerate(self.lines)]
         return min([one.chance for one in apart if one is not None], default=1.0) * len(apart) > UNLIKE
 
 

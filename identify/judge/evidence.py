@@ -171,15 +171,19 @@ class Base:
         precision[:s, :s] = self.precision
         return Base(tuple(runs), precision, np.hstack([self.ten, np.zeros((10, p))]))
 
-    def of_run(self, index: int) -> "Base":
-        """Return one run by itself, given what the others say of the unknowns that they share."""
-        run, others = self.runs[index], [other for k, other in enumerate(self.runs) if k != index]
-        if not others:
-            return self
-        known = self.precision + np.sum([other.information for other in others], axis=0)
-        right = np.sum([products(other.reduced, other.departure[:, :, None]) for other in others], axis=0)
-        departure = run.departure - (run.shared @ solution(known, right))[:, :, 0]
-        return replace(self, runs=(replace(run, departure=departure),), precision=known)
+    @cached_property
+    def alone(self) -> list["Base"]:
+        """Each run by itself, given what the others say of the unknowns that they share."""
+        if len(self.runs) == 1:
+            return [self]
+        rights = [products(run.reduced, run.departure[:, :, None]) for run in self.runs]
+        right = np.sum(rights, axis=0)
+        bases = []
+        for run, own in zip(self.runs, rights, strict=True):
+            known = self.normal - run.information
+            departure = run.departure - (run.shared @ solution(known, right - own))[:, :, 0]
+            bases.append(replace(self, runs=(replace(run, departure=departure),), precision=known))
+        return bases
 
 
 class Evidence(NamedTuple):

@@ -258,7 +258,7 @@ class Examination:
         fits, base = self.last
         if not self.named and run.name not in silent:
             no_news = MATTERS * self.count * self.u  # a run's part in the pooled tensor
-            apart = least_squares_difference(fits[k], base.of_run(k), no_news)
+            apart = least_squares_difference(fits[k], base.alone[k], no_news)
             if apart.chance < DIFFERENT:
                 found.append(Contribution(least_squares_cause(apart, run.name), apart.value[:, None] / self.count))
         imitated = bool(self.named) and judgement.explained[k] <= EXPLAINS

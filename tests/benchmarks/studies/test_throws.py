@@ -8,7 +8,7 @@ from identify.signals.run import Run
 
 pytest.importorskip("mujoco")
 
-from benchmarks.studies.throws import holds, lines_of, lowpassed, plain, plain_lowpassed
+from benchmarks.studies.throws import holds, lowpassed, plain, plain_lowpassed, summary
 
 TENSOR = np.array([1.7e-3, 2e-5, -1e-5, 0.4e-3, 3e-5, 1.6e-3])
 
@@ -42,14 +42,14 @@ def test_lowpass_leaves_slow_signals_and_takes_the_ends_off():
     np.testing.assert_allclose(low.omega, run.omega[first : first + len(low.t)], atol=1e-2)
 
 
-def test_table_counts_what_holds_the_truth():
-    """Of two recordings the first misses the first component; pooled, all are held."""
+def test_summary_counts_what_holds_the_truth_and_its_width():
+    """Of two recordings the first misses I11 by half a width, 10 %: 40 times that and the width are its score."""
     half = 0.1 * np.abs(TENSOR)
     ends = np.stack([TENSOR - half, TENSOR + half], axis=1)
     missed = ends.copy()
     missed[0] += 2 * half[0]
     assert holds(missed, TENSOR).tolist() == [False, *[True] * 5]
-    lines = lines_of("a", ["a_00", "a_01", "pooled"], {"way": np.array([missed, ends, ends])}, TENSOR)
-    assert [line.split()[1] for line in lines[:2]] == ["5/6", "6/6"]
-    assert "92 % (±10 %)" in lines[2]
-    assert "6/6" in lines[3]
+    held, _, count, median, widest, score, ratio = summary(np.array([missed, ends]), TENSOR).split()
+    assert (held, count, median, widest) == ("11", "12", "10", "10")
+    assert float(score) == pytest.approx(20 + 40 * 10 / 6, rel=0.05)
+    assert float(ratio) == pytest.approx(2 * 1.96 / np.sqrt(6), rel=0.05)
