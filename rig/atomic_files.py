@@ -1,6 +1,7 @@
 """Files that appear under their name only when they are complete."""
 
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -8,6 +9,9 @@ from pathlib import Path
 from typing import IO
 
 from rig.exceptions import RigError
+
+TEMPORARY = re.compile(r"\.(?P<name>.+)\.[0-9a-f]{8}")
+"""Name of a file that is not complete yet, or never was: the process was killed."""
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

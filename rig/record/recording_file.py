@@ -105,8 +105,9 @@ class Sink:
         try:
             os.fsync(self._handle)
         finally:
+            unwanted = self._unwanted and self.place == "there"
             os.close(self._handle)
-            if self._unwanted:
+            if unwanted:
                 os.unlink(self.path)
 
 

@@ -233,7 +233,8 @@ def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRu
         choice = engine_of(setting, engine=asked.plan.engine, dtype=asked.plan.dtype, points=quasi)
         done: list[Estimates] = []
         if store is not None:
-            done = in_turn(partial(store.load, name, asked.trials))
+            shape = (len(asked.estimators), len(choice.engine.cases), 6)
+            done = in_turn(partial(store.load, name, asked.trials, shape))
             agree("checkpoints", sum(map(trials_in, done)))
         loop = TrialLoop(
             run_trials, choice.engine, asked.seed, devices=devices, segment=choice.engine.segment, done=done,

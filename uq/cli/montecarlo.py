@@ -69,10 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     loaded = Experiment.load_bodies(arguments.experiment)
     experiments = {name: experiment.without_source(*arguments.without) for name, experiment in loaded.items()}
+    folders = {name: None if arguments.out is None else Path(arguments.out, name) for name in experiments}
+    checkpoints = {name: checkpoint_in(folder) for name, folder in folders.items()}
     laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
     with output_folder(arguments.out) as out:
-        folders = {name: None if out is None else out / name for name in experiments}
-        checkpoints = {name: checkpoint_in(folder) for name, folder in folders.items()}
         with resumable(out, arguments):
             campaigns = {
                 name: _campaign(arguments, name, experiment, checkpoints[name], goal, speaks)

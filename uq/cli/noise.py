@@ -1,8 +1,10 @@
 """``inertia noise``: noise of every channel of a recording at rest, as sources that an experiment includes."""
 
 import argparse
+import os
 from pathlib import Path
 
+from rig.atomic_files import replacing
 from rig.exceptions import RigError, on_one_line, quoted
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text
@@ -24,13 +26,14 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     recording = None if arguments.experiment is None else Experiment.load(arguments.experiment).recording
     output = None if arguments.output is None else Path(arguments.output)
-    if output is not None and output.exists():
+    if output is not None and os.path.lexists(output):
         raise RigError(f"{quoted(str(output))} exists: give another name to -o")
     with output_folder(arguments.out) as out:
         result = still_noise(arguments.still, recording)
         finish(result, out)
     if output is not None:
-        output.write_text(toml_text(result.sources()).lstrip(), "utf-8")
+        with replacing(output) as file:  # another may have appeared meanwhile
+            file.write(toml_text(result.sources()).lstrip().encode())
         print()
         print(on_one_line(f'{output} is written; use it in an experiment: include = ["{output.name}"]'))
     return 0

@@ -90,8 +90,16 @@ def _end(error: BaseException) -> None:
 
 
 def checkpoint_in(folder: Path | None) -> Checkpoint | None:
-    """Return the store of finished trials in an output folder, until the result is written; None: no folder."""
-    return None if folder is None else Checkpoint(folder / "checkpoint", say=say)
+    """Return the store of finished trials in an output folder, until the result is written; None: no folder.
+
+    Raises:
+        ExperimentError: the store has files of no campaign, which is seen before any work is done.
+    """
+    if folder is None:
+        return None
+    store = Checkpoint(folder / "checkpoint", say=say)
+    store.refuse_strangers()
+    return store
 
 
 @contextlib.contextmanager

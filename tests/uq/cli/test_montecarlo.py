@@ -51,6 +51,21 @@ def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     assert not (out / "checkpoint").exists()
 
 
+@pytest.mark.parametrize("name", ["paper", "montecarlo"])
+def test_a_checkpoint_folder_with_another_file_is_refused_before_any_work(name, tmp_path, capsys, monkeypatch):
+    """Also that of the second of two bodies."""
+    (tmp_path / "two.toml").write_text(TWO)
+    place = tmp_path / "out" / ("half" if name == "montecarlo" else "") / "checkpoint"
+    place.mkdir(parents=True)
+    (place / "model.pt").write_text("precious")
+    monkeypatch.setattr(f"uq.cli.{name}.{'law' if name == 'montecarlo' else name}", None)
+    command = {"paper": ["paper"], "montecarlo": [*arguments(tmp_path / "two.toml"), "--law"]}[name]
+    assert main([*command, "--trials", "4", "--out", str(tmp_path / "out")]) == 2
+    cure = "choose another folder, or move that elsewhere"
+    assert capsys.readouterr().err == f"error: 'model.pt' in {place} is no file of a campaign: {cure}\n"
+    assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == ["model.pt"]
+
+
 def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     """Said once, in its report beside the campaign's results; a report without it has no script."""
     monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several

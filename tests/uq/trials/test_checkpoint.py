@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -61,7 +62,7 @@ class Mortal(Checkpoint):
 
     def keep(self, trajectory, first, estimates):
         if self.writes == 0:
-            (self.folder / f"{first}.part.partial").write_bytes(bytes(1000))
+            (self.folder / f".0000000a-{first:010d}.part.0123abcd").write_bytes(bytes(1000))
             raise Killed
         self.writes -= 1
         super().keep(trajectory, first, estimates)
@@ -126,16 +127,29 @@ def edit(path):
     path.write_bytes(bytes(data))
 
 
-def misshape(path):
-    """As an edit that renews the checksum does."""
-    line, _, payload = path.read_bytes().partition(b"\n")
-    header = json.loads(line) | {"dtype": "no type"}
-    del header["sha256"]
-    header["sha256"] = checkpoint._checksum(header, payload)
-    path.write_bytes(json.dumps(header).encode() + b"\n" + payload)
+def resealed(**changes):
+    """As an edit that renews the checksum does; None: without the key."""
+
+    def harm(path):
+        line, _, payload = path.read_bytes().partition(b"\n")
+        header = {key: value for key, value in (json.loads(line) | changes).items() if value is not None}
+        del header["sha256"]
+        header["sha256"] = checkpoint._checksum(header, payload)
+        path.write_bytes(json.dumps(header).encode() + b"\n" + payload)
+
+    return harm
 
 
-@pytest.mark.parametrize("harm", [cut, edit, misshape, lambda path: path.write_bytes(b""), lambda path: path.unlink()])
+RESEALED = [
+    resealed(**changes)
+    for changes in (
+        {"dtype": "no type"}, {"dtype": "<i8"}, {"trajectory": None}, {"first": None, "x": 1}, {"shape": [-1]},
+        {"shape": [-1, 6]}, {"shape": [10**30]}, {"shape": "six"},
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("harm", [cut, edit, *RESEALED, lambda path: path.write_bytes(b""), lambda path: path.unlink()])
 def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, harm):
     interrupted(experiment, tmp_path, 2)
     parts = sorted(tmp_path.glob("*.part"))
@@ -156,6 +170,7 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(experiment, tmp_path, ha
         (lambda text: text.replace('"format": 3', '"format": 9'), "has the format 9, not 3"),
         (lambda text: text.replace('"format": 3', f'"format": {"9" * 300}'), "has the format 9{24}…9{23}, not 3"),
         (lambda text: None, "no campaign.json"),
+        (lambda text: json.dumps({"format": 3, "digest": checkpoint._digest(5), "campaign": 5}), "cut or edited"),
     ],
 )
 def test_a_damaged_head_is_refused(experiment, tmp_path, change, words):
@@ -278,3 +293,75 @@ def test_ten_kills_at_random_moments(tmp_path):
         for name in whole:
             np.testing.assert_array_equal(resumed[name], whole[name])
     assert json.loads((folder / "campaign.json").read_text())["campaign"]["seed"] == 0
+
+
+def tree(folder):
+    """The content of every file in a folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def stop(*_, **__):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    ["thesis.tex", "data/a.csv", ".gitignore", "lock", "0000000a-1.part", "campaign.json.bak", ".x.part.0123abcd"],
+)
+def test_a_folder_with_other_files_is_refused_at_the_start_and_left_as_it_is(tmp_path, monkeypatch, stranger):
+    (tmp_path / stranger).parent.mkdir(exist_ok=True)
+    (tmp_path / stranger).write_text("precious")
+    before, name = tree(tmp_path), stranger.partition("/")[0]
+    for store in (Checkpoint(tmp_path), Checkpoint(".")):
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(
+            ExperimentError, match=f"^'{re.escape(name)}' in .* is no file of a campaign: choose another"
+        ):
+            store.open({"seed": 0})
+        store.close()
+        store.remove()
+        assert tree(tmp_path) == before
+
+
+def test_an_interrupt_before_the_first_segment_leaves_other_peoples_folders(experiment, tmp_path, monkeypatch):
+    """What was there stays, an empty lock of another program too; what the campaign made goes."""
+    (tmp_path / "lock").touch()
+    monkeypatch.chdir(tmp_path)
+    for folder, left in ((".", ["lock"]), ("results/checkpoint", ["lock"])):
+        monkeypatch.setattr("uq.campaign.campaign.engine_of", stop)
+        with pytest.raises(KeyboardInterrupt):
+            run(experiment, checkpoint=folder)
+        assert os.listdir(tmp_path) == left
+
+
+def test_only_files_with_the_campaigns_seal_are_deleted(tmp_path):
+    """Files that came meanwhile, under any name, and the parts of another campaign stay."""
+    stores = [Checkpoint(tmp_path / name) for name in ("ours", "other")]
+    for seed, store in enumerate(stores):
+        store.open({"seed": seed})
+        for trajectory in ("T1", "T3"):
+            store.keep(trajectory, 0, np.zeros((1, 1, 1, 6)))
+        store.close()
+    ours, other = (sorted(store.folder.glob("*.part")) for store in stores)
+    ours[0].with_name(f".{ours[0].name}.0123abcd").write_bytes(ours[0].read_bytes()[:9])
+    ours[1].write_bytes(other[1].read_bytes())
+    link, notes = (ours[0].with_name(name) for name in ("0000000a-0000000000.part", "notes.txt"))
+    link.symlink_to(ours[0])
+    notes.write_text("precious")
+    stores[0].remove()
+    assert set((tmp_path / "ours").iterdir()) == {ours[1], link, notes}
+
+
+def test_what_another_campaign_goes_on_from_is_not_deleted(tmp_path):
+    """The same command, started again while the first writes its results."""
+    first, second = Checkpoint(tmp_path / "c"), Checkpoint(tmp_path / "c")
+    first.open({"seed": 0})
+    first.keep("T1", 0, np.zeros((1, 1, 1, 6)))
+    first.close()
+    second.open({"seed": 0})
+    before = tree(tmp_path)
+    first.remove()
+    assert tree(tmp_path) == before
+    second.close()
+    second.remove()
+    assert os.listdir(tmp_path) == []

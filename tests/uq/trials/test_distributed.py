@@ -171,7 +171,7 @@ def test_the_first_process_alone_writes_in_a_folder_that_all_share(tmp_path, mon
         monkeypatch.setattr("uq.trials.checkpoint.is_first", lambda first=first: first)
         member = Checkpoint(tmp_path)
         member.open({"seed": 0})
-        trials = len(member.load("T1", 10))
+        trials = len(member.load("T1", 10, (1, 1, 6)))
         member.keep("T1", trials, one)
         member.close()
         assert len(list(tmp_path.glob("*.part"))) == parts
