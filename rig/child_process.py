@@ -1,12 +1,14 @@
-"""The command that runs a module of this program in a process of its own.
+"""Every process that this program starts: a module of its own, a line of Python, another program.
 
-``python -m`` looks for modules in the working folder first, where a recording's files lie and a stranger's ``json.py``
-may. The child takes nothing from there, and its packages from where this process has them: an environment,
-``PYTHONPATH``, or a source tree.
+``python -m`` and ``python -c`` look for modules in the working folder first, where a recording's files lie and a
+stranger's ``json.py`` may; Windows looks there for programs. A child takes nothing from there, and its packages from
+where this process has them: an environment, ``PYTHONPATH``, or a source tree.
 """
 
 import os
+import subprocess
 import sys
+from typing import Any
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 """Folder of the packages that this process runs."""
@@ -21,6 +23,24 @@ runpy.run_module(module, run_name="__main__", alter_sys=True)
 """
 
 
-def child_command(module: str, *arguments: str) -> list[str]:
-    """Return the command that runs a module of this program as ``__main__``, with its arguments."""
-    return [sys.executable, "-P", "-c", LAUNCHER, ROOT, module, os.path.join(ROOT, "rig"), *arguments]
+def start_module(module: str, *arguments: str, **pipes: Any) -> subprocess.Popen[bytes]:
+    """Run a module of this program as ``__main__``, with its arguments; ``pipes`` as of :class:`subprocess.Popen`.
+
+    Raises:
+        OSError: no process can be started.
+    """
+    return start_python(LAUNCHER, ROOT, module, os.path.join(ROOT, "rig"), *arguments, **pipes)
+
+
+def start_python(code: str, *arguments: str, **pipes: Any) -> subprocess.Popen[bytes]:
+    """Run a text of Python, in which ``sys.argv[1:]`` are the arguments. Raises OSError as :func:`start_module`."""
+    return subprocess.Popen([sys.executable, "-P", "-c", code, *arguments], **pipes)  # noqa: S603 - ourselves
+
+
+def start_program(name: str, *arguments: str, **pipes: Any) -> subprocess.Popen[bytes]:
+    """Run a program from the folders of ``PATH`` that are given from the root on. Raises OSError: it is in none."""
+    for folder in filter(os.path.isabs, os.get_exec_path()):
+        for program in (os.path.join(folder, name), os.path.join(folder, f"{name}.exe")):
+            if os.path.isfile(program) and os.access(program, os.X_OK):
+                return subprocess.Popen([program, *arguments], **pipes)  # noqa: S603 - of the user's own folders
+    raise FileNotFoundError(f"no program {name}")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from rig.child_process import child_command
+from rig.child_process import start_module
 from rig.devices.base import LEAST_RATE, MOST_RATE
 from rig.exceptions import RigError, quoted
 from rig.record.device_source import DeviceSource, Measurement
@@ -39,11 +39,8 @@ class Emulators:
         if not hasattr(os, "openpty"):
             raise RigError("no emulated sensors on this system, which has no pseudo-terminals: use Linux, macOS or WSL")
         specs = [_spec(entry, folder) for entry in entries]
-        self.process = subprocess.Popen(  # noqa: S603 - ourselves
-            child_command("rig.emulation"),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
+        self.process = start_module(
+            "rig.emulation", stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
         )
         self.command(json.dumps(specs))
 

@@ -14,6 +14,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from rig.child_process import start_program
 from rig.toml_tables import TomlTable
 
 
@@ -62,14 +63,18 @@ def _revision() -> str | None:
         return None
 
     def git(*arguments: str) -> str:
-        command = ["git", "-C", str(root), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603
+        pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+        process = start_program("git", "-C", str(root), *arguments, **pipes)
+        printed = process.communicate()[0].decode().strip()
+        if process.returncode:
+            raise OSError(f"git ended with status {process.returncode}")
+        return printed
 
     try:
         return git("rev-parse", "HEAD") + (
             " (modified)" if git("status", "--porcelain", "--untracked-files=no") else ""
         )
-    except (OSError, subprocess.CalledProcessError):
+    except OSError:
         return None
 
 

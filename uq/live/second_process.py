@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-from rig.child_process import child_command
+from rig.child_process import start_module
 from rig.exceptions import RigError, on_one_line
 
 PATIENCE = 5.0
@@ -55,11 +55,11 @@ class SecondProcess:
         self._end, self.target_reached, self._over, self._line, self._next = reached, False, False, "", 0.0
         options = {"--target": target, "--live": live}
         given = [f"{name}={value!r}" for name, value in options.items() if value is not None]
-        command = child_command("uq.live", *given, "--", rig, experiment, run)
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
-        self._process = subprocess.Popen(  # noqa: S603 - ourselves
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True
-        )
+        self._process = start_module(
+            "uq.live", *given, "--", rig, experiment, run,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, start_new_session=True,
+        )  # fmt: skip
         self._thread = threading.Thread(target=self._listen, name="estimates", daemon=True)
         first = self._heard()
         if "ready" not in first:

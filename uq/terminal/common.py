@@ -4,7 +4,6 @@ import contextlib
 import logging
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from importlib import import_module
@@ -14,6 +13,7 @@ from typing import Any
 import jax
 
 from identify.text_tables import in_lines
+from rig.child_process import start_python
 from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
 from uq.files.mistakes import ExperimentError
@@ -31,8 +31,10 @@ def start_jax(*, alone: bool = True) -> None:
         ExperimentError: JAX has no device, as where ``JAX_PLATFORMS`` names a kind that is not here.
     """
     if flags := os.environ.get("XLA_FLAGS"):  # XLA ends a process that has a flag which it does not know
-        tried = subprocess.run([sys.executable, "-c", "import jax; jax.devices('cpu')"], capture_output=True, text=True)
-        if tried.returncode and "XLA_FLAGS" in tried.stderr:
+        pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        tried = start_python("import jax; jax.devices('cpu')", **pipes)
+        errors = tried.communicate()[1]
+        if tried.returncode and b"XLA_FLAGS" in errors:
             raise ExperimentError(f"XLA does not know the flags {quoted(flags)}: correct or unset XLA_FLAGS")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written is no user's concern
     jax.config.update("jax_enable_x64", True)
