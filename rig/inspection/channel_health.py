@@ -54,9 +54,10 @@ def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
         yield from _finite(name, values)
         yield from _excess(name, values)
         usable = values[(np.abs(values) <= LARGEST_READING).all(axis=1)]
-        yield from _constant(name, usable)
-        yield from _held(name, usable)
-        yield from _saturated(name, usable)
+        if len(usable) >= LEAST_SAMPLES:
+            yield from _constant(name, usable)
+            yield from _held(name, usable)
+            yield from _saturated(name, usable)
 
 
 def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
@@ -115,9 +116,16 @@ def _clock(channel: SensorChannel, skew: float) -> Suspicions:
 
 
 def _finite(name: str, values: NDArray[np.float64]) -> Suspicions:
-    bad = int((~np.isfinite(values)).any(axis=1).sum())
-    if bad:
-        yield "not finite", f"{name} is not a number in {bad} samples: they are left out"
+    """Samples that are no numbers: single ones are left out; an accelerometer that has hardly others is not used."""
+    bad = ~np.isfinite(values)
+    count, samples, axes = int(bad.any(axis=1).sum()), len(values), np.flatnonzero(bad.all(axis=0))
+    if 2 * count > samples:
+        cure = "it is not used" if name == "acceleration" else "check sensor and driver"
+        which = f"{name} {'xyz'[axes[0]]}" if len(axes) == 1 else name
+        share = "throughout" if count == samples else f"in {count} of {samples} samples"
+        yield "not finite", f"{which} is no finite number {share}: {cure}"
+    elif count:
+        yield "not finite", f"{name} is not a number in {count} samples: they are left out"
 
 
 LARGEST_READING = 1e12  # in any unit, far beyond any sensor; `identify` refuses more
@@ -136,7 +144,7 @@ def _constant(name: str, values: NDArray[np.float64]) -> Suspicions:
 
     A force of zero has a kind of its own: the source of a moment alone, such as a flywheel, sends it too.
     """
-    if len(values) < LEAST_SAMPLES or (name == "acceleration" and not values.any()):
+    if name == "acceleration" and not values.any():
         return
     constant = np.ptp(values, axis=0) == 0
     if constant.all():

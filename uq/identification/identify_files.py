@@ -246,6 +246,11 @@ def _prepared(
     recording = experiment.recording
     band = None if spec is None else spec.band
     recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=names_marks(windows))
+    if not recorded.run.omega.any():
+        raise RunError(
+            f"the angular velocity in {recorded.run.name} is zero, or no number, in most samples: "
+            "check the motion sensor and its driver, or record a body that moves"
+        )
     chosen = cut(recorded.run, windows, recorded.marks)
     if spec is not None:
         check_rate(chosen, spec)

@@ -23,6 +23,7 @@ from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.experiment.typical_errors import typical_errors
 from uq.propagation.experiment_law import law, prepare_law
 
+NOTHING = "no [[source]] in the experiment changes its tensor: declare the sensors' errors, or leave out fewer"
 GOALS: Mapping[str, tuple[int, ...]] = {
     "moments": tuple(MOMENTS), "products": tuple(PRODUCTS), **{name: (k,) for k, name in enumerate(COMPONENTS)},
 }  # fmt: skip
@@ -172,10 +173,18 @@ def required_duration(
 
 
 def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: str | None = None) -> Growth:
-    """Return how each source's variance depends on a trajectory's duration, from the law at two durations."""
+    """Return how each source's variance depends on a trajectory's duration, from the law at two durations.
+
+    Raises:
+        ExperimentError: an unknown name, no source that counts, or one that the law cannot take.
+    """
+    if not experiment.sources:
+        raise ExperimentError(NOTHING)
     name, spec = experiment.select(trajectory)
     T = spec.duration
     once, twice = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
+    if not once.any():
+        raise ExperimentError(NOTHING)
     averaged = np.array([source.error_kind.averages_out for source in experiment.sources])[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where((once > 0) & (twice > 0), once / twice, 1.0)

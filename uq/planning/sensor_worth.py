@@ -16,9 +16,9 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
 from identify.rounding import significant
-from uq.experiment.experiment import Experiment
+from uq.experiment.experiment import Experiment, ExperimentError
 from uq.gram_sums.cases import cases_of
-from uq.planning.required_duration import average
+from uq.planning.required_duration import NOTHING, average
 from uq.propagation.experiment_law import prepare_law
 
 BOTH = ("moments", "products")
@@ -98,10 +98,12 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         estimator: its name; None for the recording's, or the first.
 
     Raises:
-        ExperimentError: an unknown name, or a source that the law cannot take.
+        ExperimentError: an unknown name, no source that counts, or one that the law cannot take.
     """
     name, _ = experiment.select(trajectory)
     chosen = experiment.estimator(estimator).name
+    if not experiment.sources:
+        raise ExperimentError(NOTHING)
     prepared = prepare_law(experiment, name, chosen)
 
     def width(factor: float, number: int | None = None) -> np.ndarray:
@@ -111,6 +113,8 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
         return prepared.of_cases([total], sources)[name][chosen][0].three_sigma
 
     names, now = tuple(source.name for source in experiment.sources), width(1.0)
+    if not now.any():
+        raise ExperimentError(NOTHING)
     more, less, halved = (
         np.array([width(factor, number) for number in range(len(names))]).reshape(-1, 6)
         for factor in (1 + STEP, 1 - STEP, 0.5)

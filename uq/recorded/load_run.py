@@ -97,7 +97,7 @@ def of_channels(
         RigError, RunError: see :func:`load_run`.
     """
     read = len(bag.wrench.stamp) + len(bag.motion.stamp)
-    bag = replace(bag, wrench=_finite(bag.wrench), motion=_finite(bag.motion))
+    bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
     lost = read - len(bag.wrench.stamp) - len(bag.motion.stamp)
     if recording.quaternion is not None and bag.motion.orientation is not None:
         motion_read = replace(bag.motion, orientation=bag.motion.orientation @ recording.quaternion)
@@ -142,17 +142,17 @@ def of_channels(
     )
 
 
-NOT_MEASURED = ("linear_acceleration", "orientation", "angular_velocity")
+NOT_MEASURED = ("linear_acceleration", "orientation", "angular_velocity", "position")
 """Signals of a motion sensor that drivers fill with NaN where it does not measure them."""
 
 
 AnyChannel = TypeVar("AnyChannel", bound=channels.RecordedChannel)
 
 
-def _finite(channel: AnyChannel) -> AnyChannel:
+def finite_samples(channel: AnyChannel) -> AnyChannel:
     """Return a channel without the samples that are no numbers; what is none in most of them is not measured: zero.
 
-    Joints may be missing in a message: they are judged by those that are used.
+    Joints, which may be missing in a message, are judged by those that are used.
 
     Raises:
         RunError: hardly a sample is finite.

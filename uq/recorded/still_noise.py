@@ -1,7 +1,7 @@
 """Noise of every channel of a recording at rest, and the ``[[source]]`` tables that declare it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +13,12 @@ from identify.signals.allan_noise import HIGHEST, MISFIT, PARAMETERS, AllanNoise
 from identify.signals.power_spectrum import noise_level
 from identify.signals.run import RunError, refuse_excess
 from identify.signals.segments import Segment, still
+from rig.channels import ImuChannel, WrenchChannel
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
 from uq.files.provenance import plain_values, provenance
 from uq.recorded.declared_channels import declared
+from uq.recorded.load_run import finite_samples
 from uq.recorded.message_times import in_order, instants
 from uq.sources.kinds.coloured import UNITS
 from uq.sources.source import SIGNAL_UNITS
@@ -153,16 +155,18 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
         RunError: it cannot be used, or does not rest for ten seconds.
     """
     recording = recording or RecordingTable()
-    bag, _ = in_order(read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic), recording.time)
+    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
+    bag, _ = in_order(bag, recording.time)
+    for targets, values in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
+        refuse_excess(" and ".join(targets), values, bag.path.name)
     stamps, notes = instants((bag.wrench, bag.imu), recording.time)
     rig, name = declared(bag, recording), bag.path.name
     start = min(int(stamp[0]) for stamp in stamps)
     signals: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for stamp, targets, values in zip(stamps, SENSORS, (rig.wrench(bag.wrench), rig.motion(bag.imu)), strict=True):
-        usable = np.isfinite(np.hstack(values)).all(axis=1)
-        refuse_excess(" and ".join(targets), np.nan_to_num(np.hstack(values), posinf=0.0, neginf=0.0), name)
-        seconds = (stamp[usable] - start) * 1e-9
-        signals |= {quantity: (seconds, signal[usable]) for quantity, signal in zip(targets, values, strict=True)}
+        seconds = (stamp - start) * 1e-9
+        signals |= {quantity: (seconds, signal) for quantity, signal in zip(targets, values, strict=True)}
     rest, whole = _rest(signals, name), max(float(seconds[-1]) for seconds, _ in signals.values())
     warnings = list(notes)
     if rest.seconds < WHOLE * whole:
@@ -185,6 +189,11 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
     )
 
 
+def _raw(wrench: WrenchChannel, imu: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
+    """What load cell and IMU read, in the units in which they wrote it."""
+    return np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration])
+
+
 def _rest(signals: Mapping[str, tuple[np.ndarray, np.ndarray]], name: str) -> Segment:
     """The longest rest in which every signal is steady, seconds from the recording's start.
 
@@ -201,17 +210,20 @@ def _parts(times: Sequence[np.ndarray]) -> list[Segment]:
     """Parts, long enough, in which every channel has samples."""
     if not all(len(seconds) for seconds in times):
         return []
-    parts = [Segment(max(seconds[0] for seconds in times), min(seconds[-1] for seconds in times))]
-    for seconds in times:
-        for k in np.flatnonzero(np.diff(seconds) > GAP):
-            before, after = seconds[k], seconds[k + 1]
-            parts = [part for a, b in parts for part in (Segment(a, min(b, before)), Segment(max(a, after), b))]
+    gaps = [
+        (float(seconds[k]), float(seconds[k + 1])) for seconds in times for k in np.flatnonzero(np.diff(seconds) > GAP)
+    ]
+    start, stop, parts = max(seconds[0] for seconds in times), min(seconds[-1] for seconds in times), []
+    for before, after in [*sorted(gaps), (stop, stop)]:
+        parts.append(Segment(start, min(before, stop)))
+        start = max(start, after)
     return [part for part in parts if part.seconds >= SHORTEST]
 
 
 def _rests(signals: Mapping[str, tuple[np.ndarray, np.ndarray]], part: Segment) -> list[Segment]:
-    """The rests within a part, at the instants of the slowest channel."""
+    """The rests within a part, at the instants of the slowest channel; no more of them than its samples."""
     step = max(float(np.median(np.diff(seconds))) for seconds, _ in signals.values())
+    step = max(step, part.seconds / max(2 * len(seconds) for seconds, _ in signals.values()))  # samples in bursts
     instant = np.arange(part.start, part.stop, step)
     at = {
         quantity: np.stack([np.interp(instant, seconds, column) for column in signal.T], axis=1)

@@ -107,3 +107,35 @@ def test_a_wait_in_which_the_counter_misses_nothing_is_no_gap(counted, gaps):
     channel = wrench_channel(2000)
     channel = replace(channel, stamp=channel.stamp + late, sequence=channel.sequence if counted else None)
     assert sum(finding.kind == "gap" for finding in channel_findings(channel, 0.0)) == gaps
+
+
+NUMBERLESS = [
+    ("force", slice(None), np.nan, "force is no finite number throughout: check sensor and driver"),
+    ("moment", 1, np.inf, "moment y is no finite number throughout: check sensor and driver"),
+    ("angular_velocity", 0, -np.inf, "angular velocity x is no finite number throughout: check sensor and driver"),
+    ("linear_acceleration", slice(None), np.nan, "acceleration is no finite number throughout: it is not used"),
+    ("linear_acceleration", 2, np.nan, "acceleration z is no finite number throughout: it is not used"),
+]
+
+
+@pytest.mark.parametrize(("name", "axes", "value", "text"), NUMBERLESS)
+def test_a_signal_that_is_never_a_number_is_a_finding(tmp_path, name, axes, value, text):
+    """IMUs without an accelerometer publish it so."""
+    channels = {"wrench": wrench_channel(400), "imu": imu_channel(400)}
+    kind = "wrench" if hasattr(channels["wrench"], name) else "imu"
+    values = getattr(channels[kind], name).copy()
+    values[:, axes] = value
+    channels[kind] = replace(channels[kind], **{name: values})
+    rig.write(tmp_path / "run.mcap", **channels)
+    findings = [finding for finding in rig.inspect(tmp_path / "run.mcap").findings if finding.kind == "not finite"]
+    assert [(finding.topic, finding.text) for finding in findings] == [(f"/{kind}", text)]
+
+
+def test_a_few_numbers_among_none_are_not_judged():
+    """Three samples tell neither a held nor a saturated signal."""
+    channel = imu_channel(400)
+    values = np.where(np.arange(400)[:, None] < 3, channel.linear_acceleration, np.nan)
+    found = channel_findings(replace(channel, linear_acceleration=values), 0.0)
+    assert [finding.text for finding in found] == [
+        "acceleration is no finite number in 397 of 400 samples: it is not used"
+    ]

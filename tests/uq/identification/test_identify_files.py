@@ -70,6 +70,29 @@ def test_a_run_rewritten_in_another_rigs_conventions_gives_the_same_tensor(folde
         assert said not in " ".join(result.assumptions)
 
 
+@pytest.mark.parametrize("axes", [0, slice(None)])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_signal_that_is_never_a_number_is_not_used_or_refused(folder, short, signals, axes, value):
+    """Without the accelerometer the tensor is that of a run without; nothing stands for gyro or load cell."""
+
+    def spoilt(name):
+        values = getattr(signals, name).copy()
+        values[:, axes] = value
+        return write(folder / "never.mcap", dataclasses.replace(signals, **{name: values}))
+
+    declared = declare(short)
+    without = dataclasses.replace(signals, specific_force=np.zeros_like(signals.specific_force))
+    expected = identify_files([write(folder / "without.mcap", without)], declared)
+    result = identify_files([spoilt("specific_force")], declared)
+    np.testing.assert_array_equal(result.inertia, expected.inertia)
+    with pytest.raises(
+        RunError, match=r"^the angular velocity in never\.mcap is zero, or no number, in most samples: "
+    ):
+        identify_files([spoilt("omega")], declared)
+    with pytest.raises(RunError, match=r"^no sample of /wrench holds numbers alone: check sensor and driver$"):
+        identify_files([spoilt("force")], declared)
+
+
 @pytest.mark.parametrize(
     ("what", "keys", "spoil"),
     [

@@ -2,15 +2,17 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
 
 from uq import law
 from uq.cli.main import main
-from uq.experiment.experiment import Experiment
+from uq.experiment.experiment import Experiment, ExperimentError
 from uq.planning.measurement_plan import plan_measurement
-from uq.planning.required_duration import average, lasting
+from uq.planning.required_duration import average, growth_of, lasting
+from uq.planning.sensor_worth import sensor_worth
 from uq.report.tables.planning import signed_tenth
 from uq.sources.distributions import Normal
 
@@ -45,6 +47,24 @@ def test_the_answers_are_sentences(plan):
     assert reached.startswith("Average 3σ of 5 g·m² (moments): measure for 45.")
     assert "no duration reaches it" in forbidden
     assert "r cg forbids it" in forbidden
+
+
+NOTHING = "no [[source]] in the experiment changes its tensor: declare the sensors' errors, or leave out fewer"
+
+
+@pytest.mark.parametrize("silent", ["none", "of size zero"])
+def test_without_a_source_that_counts_there_is_nothing_to_plan(experiment, tmp_path, capsys, silent):
+    names = [source.name for source in experiment.sources]
+    if silent == "none":
+        options = [text for name in names for text in ("--without", name)]
+        assert main(["plan", FILE, *options, "--out", str(tmp_path / "out")]) == 2
+        assert capsys.readouterr().err == f"error: {NOTHING}\n"
+        assert not (tmp_path / "out").exists()
+    zero = [dataclasses.replace(source, sigma=0 * source.sigma) for source in experiment.sources]
+    sources = () if silent == "none" else tuple(zero)
+    for ask in (plan_measurement, sensor_worth, growth_of):
+        with pytest.raises(ExperimentError, match=re.escape(NOTHING)):
+            ask(dataclasses.replace(experiment, sources=sources, mixing=()))
 
 
 def test_a_target_that_nobody_asked_for_has_two_digits(experiment):

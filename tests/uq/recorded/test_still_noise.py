@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identify.signals.run import RunError
 from rig.channels import ImuChannel, WrenchChannel
 from rig.runs import read, write
 from tests.helpers.noise_study import Truth, simulated
@@ -98,3 +99,45 @@ def test_a_gap_ends_a_rest(tmp_path):
     noise = still_noise(tmp_path / "gap.mcap")
     assert noise.seconds == pytest.approx(30, abs=0.3)
     assert any("of 180.0 s: this part is used" in text for text in noise.warnings)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_an_accelerometer_that_is_never_a_number_is_left_out(tmp_path, value):
+    run = read(recording(tmp_path / "still.mcap"))
+    silent = [np.full_like(run.imu.linear_acceleration, number) for number in (0.0, value)]
+    silent[1][:, 1:] = 0.0
+    without, broken = (
+        still_noise(written(tmp_path / f"{k}.mcap", run, run.wrench, replace(run.imu, linear_acceleration=values)))
+        for k, values in enumerate(silent)
+    )
+    assert {channel.quantity for channel in broken.channels} == {"F", "M", "omega"}
+    assert broken.records() == without.records()
+    force = np.full_like(run.wrench.force, value)
+    with pytest.raises(RunError, match="no sample of /wrench holds numbers alone"):
+        still_noise(written(tmp_path / "force.mcap", run, replace(run.wrench, force=force), run.imu))
+
+
+def written(path, run, wrench, imu):
+    write(path, wrench=wrench, imu=imu, metadata=run.metadata)
+    return path
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("rate", "burst"), [(1e-3, 1), (2.5, 3)], ids=["of 1 mHz", "in bursts of a nanosecond"])
+def test_a_channel_whose_samples_lie_far_apart_is_one_line(tmp_path, rate, burst):
+    """Each gap would have doubled the parts; the usual step of bursts would have made ten billion instants."""
+    run = read(recording(tmp_path / "still.mcap"))
+    if burst == 1:
+        slow = written(tmp_path / "slow.mcap", run, stretched(run.wrench, rate, burst), run.imu)
+        with pytest.raises(RunError, match=r"^slow.mcap does not rest for 10 s: record the rig at rest"):
+            still_noise(slow)
+    else:
+        channels = (stretched(channel, rate, burst) for channel in (run.wrench, run.imu))
+        assert still_noise(written(tmp_path / "slow.mcap", run, *channels)).seconds > 50
+
+
+def stretched(channel, rate, burst):
+    """The channel's first samples in bursts of so many at a rate [Hz]."""
+    number = np.arange(600)
+    stamp = channel.stamp[0] + (number // burst * 1e9 / rate).astype(np.int64) + number % burst
+    return replace(channel.taken(slice(600)), stamp=stamp, log_time=stamp)
