@@ -26,6 +26,10 @@ SLOPE_LINES = 64
 """Lines, the first ones, that tell how the spectrum falls."""
 LEAST_GAIN = 1e-4
 """Least power gain of a filter that counts: below it, a signal cannot be distinguished from leakage."""
+OPEN = 0.1
+"""Power gain of a filter down to which lines tell how the spectrum falls: beyond, they hold what leaked from others."""
+SLOPES = np.linspace(-2, 1, 61)
+"""Powers of the frequency that a spectrum may follow: of drift, white noise, vibration above the motion."""
 BLOCK = 2**15
 """Lines whose rows of the regression are made at a time: what bounds the memory of a long run."""
 
@@ -91,8 +95,8 @@ class Spectrum:
 
     products: Float[np.ndarray, "pairs edges"]
     """Sums of the residuals' products of two axes over the lines before each, the spectrum's shape divided out."""
-    shape: Float[np.ndarray, " m"]
-    """Shape of the spectrum: a filter's gain, and a power of the frequency."""
+    shape: Float[np.ndarray, "m rows"]
+    """Root of the spectrum's shape on each axis: a filter's gain, and a power of the frequency."""
     constants: int
     """Number of lines, the first ones, that are those of constants."""
     free: Float[np.ndarray, "m rows"]
@@ -131,7 +135,7 @@ class Spectrum:
             value[apart] += np.diff(before[start : start + len(value) + 1])[apart]
             values[:, a, b] = values[:, b, a] = value
         floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(size)
-        return (values + floor) * self.shape[lines, None, None]
+        return (values + floor) * self.shape[lines, :, None] * self.shape[lines, None, :]
 
     @property
     def values(self) -> Float[np.ndarray, "m rows rows"]:
@@ -211,8 +215,8 @@ def spectrum(
 
     A fit takes most from the residuals where its rows are strong, which in a brief run is where it matters: the
     products in a window are divided by the degrees of freedom left in it, not by its lines. The window of line j is
-    ``2 j^0.6`` lines to either side, ``LEAST_LINES`` at least; a known filter's gain and a fitted power of the
-    frequency are divided out first. Lines of constants stand apart from their neighbours, and are never
+    ``2 j^0.6`` lines to either side, ``LEAST_LINES`` at least; a known filter's gain and each axis's fitted power of
+    the frequency are divided out first. Lines of constants stand apart from their neighbours, and are never
     smaller than their own residual.
 
     Args:
@@ -223,10 +227,11 @@ def spectrum(
         wider: by how much to widen the windows.
     """
     passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), len(residuals))
-    shape = passed * _colour(residuals[constants:], free[constants:], passed[constants:], constants)
+    colour = _colour(residuals[constants:], free[constants:], passed[constants:])
+    shape = np.sqrt(passed[:, None] * np.concatenate([np.ones((constants, residuals.shape[1])), colour]))
     products = np.zeros((len(_pairs(residuals.shape[1])), len(residuals) + 1))
     for before, (a, b) in zip(products, _pairs(residuals.shape[1]), strict=True):
-        np.cumsum(residuals[:, a] * residuals[:, b] / shape, out=before[1:])
+        np.cumsum(residuals[:, a] * residuals[:, b] / (shape[:, a] * shape[:, b]), out=before[1:])
     return Spectrum(products=products, shape=shape, constants=constants, free=free, wider=wider)
 
 
@@ -240,17 +245,24 @@ def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndar
     return np.concatenate([taken(rows[part]) for part in blocks(len(rows))])
 
 
-def _colour(residuals: np.ndarray, free: np.ndarray, gain: np.ndarray, constants: int) -> np.ndarray:
-    """A power of the frequency, 0 to -2, where the first lines' residuals show one."""
-    n = len(residuals)
-    number = np.arange(1, min(n, SLOPE_LINES) + 1)
-    power = (residuals[: len(number)] ** 2 / np.maximum(free[: len(number)], 0.1)).sum(axis=1) / gain[: len(number)]
-    usable = power > 0
+def _colour(
+    residuals: Float[np.ndarray, "m rows"], free: Float[np.ndarray, "m rows"], gain: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "m rows"]:
+    """Return each axis's power of the frequency, the mean of :data:`SLOPES` by Whittle's likelihood of the first lines.
+
+    The mean needs no test of whether there is a slope, which few lines cannot decide. Each axis has its own: where only
+    some drift, one for all would lay their slope on the others.
+    """
+    number = np.arange(1, len(residuals) + 1)
+    usable = (number <= SLOPE_LINES) & (gain >= OPEN)
     if usable.sum() < LEAST_LINES:
-        return np.ones(n + constants)
-    (slope, _), spread = np.polyfit(np.log(number[usable]), np.log(power[usable]), 1, cov=True)
-    shape = np.arange(1, n + 1) ** np.clip(slope, -2.0, 0.0) if slope < -2 * np.sqrt(spread[0, 0]) else np.ones(n)
-    return np.concatenate([np.ones(constants), shape])
+        return np.ones(residuals.shape)
+    count, power = free[usable], residuals[usable] ** 2 / gain[usable, None]
+    shapes = number[usable] ** SLOPES[:, None]
+    level = np.log((1 / shapes) @ power + 1e-300)  # the most probable one of each slope
+    likelihood = -0.5 * (np.log(shapes) @ count + count.sum(axis=0) * level)
+    weight = np.exp(likelihood - likelihood.max(axis=0))
+    return np.asarray(number[:, None] ** (SLOPES @ weight / weight.sum(axis=0)))
 
 
 def _root(matrices: np.ndarray) -> np.ndarray:
