@@ -8,8 +8,12 @@ UV := .uv/bin/uv
 OUT ?= out/paper
 MINUTES ?= 60
 TESTS ?= not study and not slow
+WHERE ?= notebooks tests
+# Functions of arrays or bytes alone, and every command once.
+QUICK := $(addprefix tests/,identify/motion identify/rigid_body identify/serial_arm identify/signals rig/devices rig/mcap \
+    uq/coverage uq/cli/test_every_command.py)
 
-.PHONY: env paper test test-all check unit axe bench study docs fuzz lock dist clean
+.PHONY: env paper quick test test-all check unit axe bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -34,6 +38,10 @@ $(ENV)/.ready $(RUN)/.ready: $(UV) pyproject.toml
 	$(UV) pip install --quiet --python $(@D)/bin/python --no-deps --no-build-isolation --editable .
 	touch $@
 
+# Before each commit: what `test` does, with the tests of QUICK alone.
+quick: export WHERE = $(QUICK)
+quick: test
+
 # Lint, types, direction of imports, tests, notebooks: side by side, since some tests wait for clocks.
 test: env
 	$(MAKE) --no-print-directory --jobs 2 check unit
@@ -55,7 +63,7 @@ unit: export INERTIA_TEST_CACHE ?= $(CURDIR)/$(ENV)/compiled
 unit: export OPENBLAS_NUM_THREADS = 1
 unit: export PYTHONDONTWRITEBYTECODE =
 unit: env
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(TESTS)" notebooks tests
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(TESTS)" $(WHERE)
 
 # The pages judged by axe-core, which is fetched by npm for this alone; needs Chromium (Debian: apt-get install chromium).
 axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js

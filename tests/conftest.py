@@ -40,8 +40,37 @@ def pytest_unconfigure():
         shutil.rmtree(os.environ["INERTIA_CACHE"], ignore_errors=True)
 
 
+def used():
+    """User time [s] of this process and of those it has waited for, and the largest memory of either so far [MB]."""
+    import resource  # which not every system has
+
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime for each in usage), *(each.ru_maxrss / 1e3 for each in usage)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Append a line for each test to the file that INERTIA_TEST_USAGE names: user time, memory so far, worker, test."""
+    if (usage := os.environ.get("INERTIA_TEST_USAGE")) is None:
+        return (yield)
+    before, *_ = used()
+    result = yield
+    after, mine, theirs = used()
+    line = f"{after - before:.2f}", f"{mine:.0f}", f"{theirs:.0f}", os.environ.get("PYTEST_XDIST_WORKER", "-")
+    with open(usage, "a") as file:
+        print(*line, item.nodeid, sep="\t", file=file)
+    return result
+
+
 settings.register_profile("same", derandomize=True)  # the same examples in every run
 settings.load_profile("same")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_is_dropped():
+    """A worker keeps what a file's tests have compiled no longer than these: all files together fill its memory."""
+    yield
+    jax.clear_caches()
 
 
 @pytest.fixture(scope="module")

@@ -178,7 +178,7 @@ def test_the_paper_needs_a_part_of_what_is_locked_for_tests():
 
 @pytest.mark.parametrize(
     ("target", "lock"),
-    [("paper", "requirements.lock"), *((name, "requirements-dev.lock") for name in ("env", "test", "check", "bench", "docs"))],
+    [("paper", "requirements.lock"), *((name, "requirements-dev.lock") for name in ("env", "quick", "test", "check", "bench", "docs"))],
 )  # fmt: skip
 def test_a_target_installs_one_lock_file(target, lock):
     command = ["make", "--dry-run", "--always-make", target]

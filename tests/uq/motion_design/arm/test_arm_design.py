@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 import uq.motion_design.arm.arm_design as arm_design
 import uq.motion_design.arm.arm_report
 from identify.motion.limit_peaks import Peak
+from identify.motion.optimiser import Optimum
 from identify.rigid_body.regressor import wrench_regressor
 from identify.serial_arm.joint_series import JointSeries
 from identify.serial_arm.payload_information import about_cg, about_q
@@ -26,6 +27,7 @@ from uq.files.mistakes import ExperimentError
 from uq.identification.identify_files import identify_files
 from uq.motion_design.arm.arm_design import design_arm, goal_function, random_series
 from uq.motion_design.arm.arm_report import arm_report, joint_files
+from uq.motion_design.arm.joint_search import SPARE, JointSearch
 from uq.motion_design.arm.largest_motion import largest_size
 from uq.motion_design.arm.mujoco_run import simulated
 
@@ -121,6 +123,35 @@ def test_the_design_beats_common_practice(searched):
         assert averages["designed"][what] < 0.8 * averages["single"][what]
     goal = goal_function("all", searched.experiment, searched.motions["random"].covariance)
     np.testing.assert_allclose(goal(searched.designed.covariance), searched.starts[0][0])  # of no further search
+
+
+def unknowns_of(search, series):
+    return (np.stack([series.cosine, series.sine]) / search.unit).ravel()
+
+
+def test_the_search_sees_what_a_motion_promises_and_uses(design):
+    """Its goal and limits without their gradient, at a motion that was settled: the grid of the search is ten times coarser."""
+    search = JointSearch(design.limits, design.noise, duration=8.0, period=2.0, ramp=1.0)
+    candidate = design.designed
+    lagrangian = search.lagrangian(arm_design.determinant)
+    goal, limits = jax.jit(lagrangian.goal)(unknowns_of(search, candidate.series))
+    np.testing.assert_allclose(np.exp(goal), np.linalg.det(candidate.covariance) ** (1 / 20), rtol=1e-6)
+    largest = candidate.peaks[0].share
+    assert 0.9 * largest < float(limits.max()) + 1 < largest + SPARE["clearance"]
+
+
+def test_the_best_end_of_the_searches_is_the_design(design, monkeypatch):
+    """Of two starts that were not moved; the gradient is not compiled, and no further search follows."""
+    search = JointSearch(design.limits, design.noise, duration=8.0, period=2.0, ramp=1.0)
+    unmoved = lambda lagrangian, first, *_, **__: [Optimum(start, 0.0, -0.1, 0) for start in first.values()]  # noqa: E731
+    monkeypatch.setattr(arm_design, "optima", unmoved)
+    monkeypatch.setattr(arm_design, "CYCLES", 0)
+    measure = goal_function("all", design.experiment, design.motions["random"].covariance)
+    options = {"starts": 2, "seed": 0, "rounds": 1, "steps": 1, "tell": lambda *_: None}
+    best, ends = arm_design.searched(search, measure, **options)
+    worth = [value for value, _ in ends]
+    assert np.ptp(worth) > 0.01 * min(worth)
+    np.testing.assert_allclose(best.measured_by(measure), min(worth))
 
 
 def test_the_promise_is_that_of_the_simulated_samples(design, report):
