@@ -97,10 +97,12 @@ def test_record(said, bench):
     summary = json.loads(said("record", "rig.toml", "-o", "recorded.mcap", "--seconds", "1", "--json"))
     assert summary["complete"]
     assert [device["missing"] for device in summary["devices"].values()] == [0, 0]
-    recorded = runs.read(bench / "recorded.mcap").imu.angular_velocity
-    played = runs.read(bench / "simulated.mcap").imu.angular_velocity
-    assert len(recorded) > RATE / 2
-    assert all(np.abs(played - row).max(axis=1).min() < 1e-6 for row in recorded[::50])  # single precision
+    recorded, played = (runs.read(bench / name) for name in ("recorded.mcap", "simulated.mcap"))
+    for sensor, rate in ((recorded.wrench, 800), (recorded.imu, RATE)):
+        assert len(sensor.stamp) > rate / 2
+        assert np.median(np.diff(sensor.stamp)) == pytest.approx(1e9 / rate, rel=0.01)
+    rows = recorded.imu.angular_velocity[::50]
+    assert all(np.abs(played.imu.angular_velocity - row).max(axis=1).min() < 1e-6 for row in rows)  # single precision
 
 
 def test_import(said, bench, generator):
