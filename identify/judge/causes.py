@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.joint.predicted_wrench import PredictedWrench
+from identify.judge.conventions.convention_fit import drift_shapes
 from identify.judge.evidence import Base, Evidence, evidence
 from identify.judge.findings import Finding
 from identify.judge.run_fit import RunFit
@@ -170,6 +171,14 @@ def _jump(run: PredictedWrench) -> np.ndarray:
     )  # fmt: skip
 
 
+def _warming(run: PredictedWrench) -> Made:
+    """Zeros that warm up: they drift faster at the start."""
+    shapes = drift_shapes(run.signals.t)
+    each = [run.derivative(f"{name}_offset") for name in ("force", "moment")]
+    columns = np.concatenate([block * shape[:, None, None] for shape in shapes.T for block in each], axis=2)
+    return columns, np.tile(np.repeat([2.0, 0.05], 3), shapes.shape[1])
+
+
 def _slip(run: PredictedWrench) -> Made:
     """A body that slips after a quarter, a half or three quarters of the run."""
     after = np.stack([run.signals.progress > at for at in STEPS], axis=1).astype(float)
@@ -200,6 +209,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.GAIN: _matrix(lambda i, j: i == j, float(np.hypot(TYPICAL["force_gain"], TYPICAL["force_gain_by_axis"]))),
     Finding.CROSS_TALK: _matrix(lambda i, j: i != j, TYPICAL["cross_talk"]),
     Finding.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
+    Finding.WARMING: _warming,
     Finding.JUMP: _wrench(_jump, 0.02),
     Finding.SLIP: _slip,
     Finding.GAIN_DRIFT: _wrench(_gain_drift, 0.005),
@@ -215,20 +225,20 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
 }
 """Functions that make the signals of each cause, for coefficients in SI, and their typical sizes."""
 OF_A_RUN = frozenset(
-    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE, Finding.TENSOR,
+    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.WARMING, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE, Finding.TENSOR,
      Finding.CLOCK}
 )  # fmt: skip
 """Causes that belong to a run and are judged in it; all others belong to the rig and have one value in all runs."""
 IN_FLIGHT = frozenset({Finding.CENTRE, Finding.SLIP, Finding.CABLE, Finding.FLEXIBLE_MOUNTING})
 """Causes that need a mounting, or weight: no body in free flight has them."""
-OF_A_ZERO = frozenset({Finding.DRIFT, Finding.JUMP})
+OF_A_ZERO = frozenset({Finding.DRIFT, Finding.WARMING, Finding.JUMP})
 """Causes that need a load cell's zero."""
 
 
 CHANCE = 1e-4
 """Chance that residuals follow one cause by accident, above which nothing is reported.
 
-Chance: as computed, some 24 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
+Chance: as computed, some 25 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
 reach 6e-6 (``tests.helpers.judge_margins``).
 """
 LIKELY = 3.0
@@ -365,13 +375,17 @@ class Judgement(NamedTuple):
 
 
 def _simplest(likely: Sequence[FollowedCause]) -> FollowedCause:
-    """The most probable cause, or a simpler one that explains nearly as much: many coefficients imitate a few."""
+    """The most probable cause, or a simpler one that explains nearly as much: many coefficients imitate a few.
+
+    A simpler variant of the same finding gives way: what it leaves would count as unexplained.
+    """
     best = likely[0].evidence
     simpler = [
         cause for cause in likely
         if len(cause.evidence.size) < len(best.size) and cause.evidence.share > NEARLY * best.share
     ]  # fmt: skip
-    return simpler[0] if simpler else likely[0]
+    variant = bool(simpler) and simpler[0].candidate.finding.label == likely[0].candidate.finding.label
+    return simpler[0] if simpler and not variant else likely[0]
 
 
 def _shown(base: Base, open_to: Sequence[Candidate]) -> list[FollowedCause]:

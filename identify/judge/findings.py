@@ -123,6 +123,10 @@ class Finding(Enum):
         "use its calibration matrix, or declare the cross_talk"
     )  # fmt: skip
     DRIFT = "drift", "the load cell's zeros drifted", "let it warm up, or declare a drift"
+    WARMING = (
+        "drift", "the load cell's zeros drifted as it warmed up",
+        "let it warm up, declare a drift, or leave out the start of the run by --from"
+    )  # fmt: skip
     JUMP = "jump", "the load cell's zeros jumped", "record again"
     SLIP = "slip", "the body slipped by {}", "clamp it, and record again", _largest(1e3, "mm")
     GAIN_DRIFT = "gain drift", "the load cell's gains changed by {} over the run", "let it warm up", _all(100.0, "%")

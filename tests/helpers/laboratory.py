@@ -125,6 +125,10 @@ class Setup:
     """Rotation vector of the load cell's axes from the body's, any angle [rad]."""
     cell_drift: tuple = ZERO6
     """Change of its zeros over the run."""
+    warming: tuple = ZERO6
+    """Change of its zeros over the run as it warms up."""
+    warming_time: float = 40.0
+    """Time constant of that [s]."""
     gain_drift: tuple = ZERO6
     """Change of its gains over the run, from right ones at the start."""
     nonlinearity: tuple = ZERO6
@@ -237,7 +241,8 @@ def cell_reading(setup, wrench, t):
         read = read + read @ np.asarray(setup.cross_talk).T
     read = read * (np.add(1, setup.cell_gain) + part * setup.gain_drift)
     read = read + np.asarray(setup.nonlinearity) * read**2 / FULL_SCALE + lag_of_loops(setup, read)
-    read = read + part * setup.cell_drift + (part > 0.5) * np.asarray(setup.jump)
+    warmth = np.expm1(-t / setup.warming_time) / np.expm1(-t[-1] / setup.warming_time)
+    read = read + part * setup.cell_drift + np.outer(warmth, setup.warming) + (part > 0.5) * np.asarray(setup.jump)
     return read + np.outer(np.sin(2 * np.pi * 50 * t + 0.4), setup.hum)
 
 

@@ -2,12 +2,12 @@
 
 With specific force f, attitude R from B to axes at rest, a lever's part L b and the load cell's zero, least squares fit
 
-    F = m f + Rᵀ p + L b + F0
+    F = m f + Rᵀ p + L b + F0(t)
 
 p is zero where all is as declared. Weight that a driver removed, gravity along other axes than declared and one that is
 upside down are each a vector p of their own; a wrench along axes at rest fits only when R turns it back, an attitude
 that was written the other way only when it is inverted. So one fit for each reading of the recording tells them; what
-fits as well as the best is told beside it.
+fits as well as the best is told beside it. The zero of a recorded run may drift: its slow changes are no weight.
 """
 
 from collections.abc import Callable
@@ -31,6 +31,7 @@ from identify.judge.conventions.convention_fit import (
     Vector,
     WrenchSignal,
     carried_attitude,
+    drift_shapes,
     smoothed,
 )
 from identify.judge.conventions.free_rotation import COVERAGE, axes_text
@@ -115,6 +116,8 @@ class PosedForce:
     """Specific force [m/s²]; None: not known, or of poses at rest, where R tells it."""
     levers: Float[np.ndarray, "n 3 3"] | None = None
     """Specific force of a lever's unit vectors [1/s²]; None: at rest."""
+    time: Float[np.ndarray, " n"] | None = None
+    """Instants over which the zero may drift [s]; None: it is constant."""
     smooth: Smooth = unchanged
     independent: float = 1.0
     """Part of the smoothed samples that are independent."""
@@ -158,7 +161,7 @@ class PosedForce:
 
         Args:
             lift: whether p is free, otherwise zero.
-            zero: whether the load cell's zero F0 is free.
+            zero: whether the load cell's zero F0 is free, beside its drift.
             turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
         """
         rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
@@ -180,6 +183,12 @@ class PosedForce:
         zero = np.broadcast_to(np.eye(3), (n, 3, 3))
         return self._smooth(np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2))
 
+    @cached_property
+    def _drift(self) -> np.ndarray:
+        """Smoothed columns of each zero's drift, (k, 3, columns)."""
+        shapes = np.zeros((len(self.force), 0)) if self.time is None else drift_shapes(self.time)
+        return np.kron(self.smooth(shapes)[:, None], np.eye(3))
+
     def _smooth(self, columns: np.ndarray) -> np.ndarray:
         return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
 
@@ -188,6 +197,7 @@ class PosedForce:
         columns = self._columns.copy()
         columns[:, :, LIFT] *= lift
         columns[:, :, ZERO] *= zero
+        columns = np.concatenate([columns, self._drift], axis=2)
         if turned and self.specific is not None:
             matrix = np.einsum("ij,nk->nijk", np.eye(3), self.specific).reshape(-1, 3, 9)
             columns = np.concatenate([columns, self._smooth(matrix)], axis=2)
@@ -330,8 +340,7 @@ def run_gravity(
     force = np.stack([np.interp(time, wrench.time, column) for column in wrench.force.T], axis=1)
     posed = PosedForce(
         force=force, to_rest=attitude.to_rest[within], specific=specific,
-        levers=levers, smooth=partial(smoothed, step),
-        independent=STEP / WINDOW,
+        levers=levers, time=time, smooth=partial(smoothed, step), independent=STEP / WINDOW,
     )  # fmt: skip
     return _JudgedForce(posed, attitude, declared, topic, time).verdict()
 
@@ -435,18 +444,15 @@ class _JudgedForce:
         determined = self.attitude.accelerates and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
         mass = fit.mass if determined else self.declared.mass
         length = float(np.linalg.norm(weight))
-        across = np.linalg.norm(np.cross(weight, down))
-        angle = float(np.arctan2(across, -weight @ down))
+        angle = float(np.arctan2(np.linalg.norm(np.cross(weight, down)), -weight @ down))
         spread = self._spread(fit, gravity) / max(length, 1e-12)
         if mass is not None and length < LEAST_WEIGHT * mass * size:
             return self._removed(mass, float(-weight @ down) / size, spread * length / size, doubt)
         if angle > max(LEAST_ANGLE, CERTAIN * spread) and self.attitude.source != "gyro":
             shown = along_axis(-weight / length, 3 * spread) * size
             degrees = with_uncertainty(np.degrees(angle), COVERAGE * np.degrees(spread))
-            elsewhere = Finding.GRAVITY_ELSEWHERE.on(
-                self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt
-            )
-            return GravityVerdict([elsewhere], gravity=shown)
+            lean = Finding.GRAVITY_ELSEWHERE.on(self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt)
+            return GravityVerdict([lean], gravity=shown)
         if mass is not None and determined:
             sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
             return self._removed(mass, float(-weight @ down) / size, sigma, doubt)

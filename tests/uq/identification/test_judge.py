@@ -9,6 +9,7 @@ from tests.helpers.laboratory_files import identified_files, source
 from tests.helpers.laboratory_mechanics import R_CG
 from tests.helpers.laboratory_runs import identified
 from tests.helpers.troubles import TROUBLES
+from uq.recorded.time_window import TimeWindow
 
 SHORT = {"seconds": 15.0}
 
@@ -74,3 +75,26 @@ def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_p
     declared = identified_files(measured, tmp_path, "joint", [source("axes", "wrench", "misalignment", [4e-3] * 3)])
     assert declared.warnings == ()
     assert (np.abs(declared.inertia - measured.truth) < np.ptp(declared.interval95, axis=1)).all()
+
+
+@pytest.mark.parametrize(("time", "size"), [(40.0, 3.0), (180.0, 3.0), (6.0, 12.0)])
+def test_a_zero_that_warms_up_is_a_drift_whose_cures_lead_to_the_truth(tmp_path, few_draws, time, size):
+    direction = size * np.array([0.6, 0.5, 0.6, 0.018, 0.015, 0.018])
+    measured = measure(1, warming=tuple(direction), warming_time=time)
+    result = identified_files(measured, tmp_path)
+    assert [verdict.cause for verdict in result.consistency] == ["drift"]
+    assert "the load cell's zeros drifted as it warmed up" in result.warnings[0]
+    declared = [
+        source("F_drift", "F", "drift", [size / 30] * 3),
+        source("M_drift", "M", "drift", [0.03 * size / 30] * 3),
+    ]
+    obeyed = [
+        identified_files(measured, tmp_path, sources=declared),
+        identified_files(measured, tmp_path, windows=[TimeWindow(15.0)]),
+        identified_files(measure(1), tmp_path),  # warmed up
+    ]
+    for answer in (result, *obeyed):
+        assert (np.abs(answer.inertia - measured.truth) < np.ptp(answer.interval95, axis=1) / 2).all()
+        assert np.ptp(answer.interval95, axis=1).max() < 4e-3
+    assert time < 10 or not obeyed[0].warnings
+    assert not obeyed[-1].warnings

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from identify.static.centre_result import Centre
+from tests.helpers.laboratory import RATE, measure
+from tests.helpers.laboratory_files import document
+from tests.helpers.laboratory_mechanics import FINE, GRAVITY, base_motion
+from tests.helpers.laboratory_runs import run_of
 from uq.campaign.simulation import simulate
+from uq.experiment.experiment import Experiment
 from uq.inspection.experiment_findings import convention_warnings
 
 
@@ -52,3 +57,27 @@ def test_the_cure_of_an_imported_run_is_in_its_map(run, short):
     assert "of the map" not in " ".join(convention_warnings(reversed_run, short))
     (text,) = convention_warnings(replace(reversed_run, about={"imported": True}), short)
     assert "in [recording] of the map, on top of what it says, and import the table again" in text
+
+
+WARM = {"warming": (3.0, 0, 0, 0, 0, 0), "seconds": 15.0}
+
+
+def suspected(setup, removed=0.0):
+    """Of a run of the laboratory, whose driver removed the weight of so many kilograms."""
+    measured = measure(1, **setup)
+    up = GRAVITY * base_motion(measured.setup).up[:: FINE // RATE]
+    moment = measured.moment - np.cross(measured.r_cg, removed * up)
+    measured = replace(measured, force=measured.force - removed * up, moment=moment)
+    return convention_warnings(run_of(measured), Experiment.from_dict(document(measured)))
+
+
+@pytest.mark.parametrize("time", [6.0, 40.0, 180.0])
+@pytest.mark.parametrize("size", [-30.0, 3.0])
+def test_a_zero_that_warms_up_is_no_weight_that_a_driver_removed(time, size):
+    assert suspected({"warming": (size, 0, 0, 0, 0, 0), "warming_time": time, "seconds": 15.0}) == ()
+
+
+def test_a_zero_that_warms_up_hides_no_removed_weight():
+    (text,) = suspected(WARM, removed=6.0)
+    assert "the force is the weight of 13.7 kg, the declared mass is 19.7 kg" in text
+    assert "or the driver removed another payload's weight" in text
