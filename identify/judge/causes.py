@@ -225,8 +225,8 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
 }
 """Functions that make the signals of each cause, for coefficients in SI, and their typical sizes."""
 OF_A_RUN = frozenset(
-    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.WARMING, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE, Finding.TENSOR,
-     Finding.CLOCK}
+    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.WARMING, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE,
+     Finding.TENSOR, Finding.CLOCK}
 )  # fmt: skip
 """Causes that belong to a run and are judged in it; all others belong to the rig and have one value in all runs."""
 IN_FLIGHT = frozenset({Finding.CENTRE, Finding.SLIP, Finding.CABLE, Finding.FLEXIBLE_MOUNTING})

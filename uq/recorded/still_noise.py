@@ -158,8 +158,8 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
     bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
     bag, _ = in_order(bag, recording.time)
-    for targets, values in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
-        refuse_excess(" and ".join(targets), values, bag.path.name)
+    for targets, raw in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
+        refuse_excess(" and ".join(targets), raw, bag.path.name)
     stamps, notes = instants((bag.wrench, bag.imu), recording.time)
     rig, name = declared(bag, recording), bag.path.name
     start = min(int(stamp[0]) for stamp in stamps)
