@@ -6,6 +6,7 @@ of a mapping ``[...]`` and those of an array by number, where our messages name 
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -15,14 +16,28 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from rig.exceptions import ECHO, listed, nearest, quoted, reason
+from rig.read_limits import PathLike, require_file
 
 T = TypeVar("T", bound="TomlTable")
 LARGEST = 1_000_000
 """Largest whole number that a file may hold."""
 LONGEST = 10_000
 """Most characters of a text."""
+LARGEST_FILE = 2**22
+"""Most bytes of a file: a short key takes 300 times its length in memory."""
+DEEPEST = 16
+"""Most parts of a dotted key; ``tomllib`` takes memory with the square of their number."""
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
 """Name of something in results, messages and files."""
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
+_TOKENS = re.compile(
+    rf"(?P<deep>{_PART}(?:\.[ \t]*+{_PART}){{{DEEPEST}}})"
+    r'|#[^\n]*+|"""(?s:[^\\]|\\.)*?(?:"{3,5}|\Z)|'
+    r"'''(?s:.)*?(?:'{3,5}|\Z)|"
+    r'"(?:[^"\\\n]|\\.)*+"?|'
+    r"'[^'\n]*+'?|[\w-]++"
+)
+"""A key of too many parts; comments and texts, which end with the line if they are not closed; single parts."""
 NAMES = {str: "a string", int: "a whole number", bool: "true or false", float: "a finite number"}
 COUNTS = {2: "two", 3: "three"}
 
@@ -31,19 +46,41 @@ class TomlError(ValueError):
     """A mistake in a TOML file, in one line: what, where, what to do."""
 
 
+def read_toml(path: PathLike) -> tuple[dict[str, Any], bytes]:
+    """Return the content of a TOML file, and its bytes.
+
+    Raises:
+        TomlError: as :func:`parse_toml`.
+        RigError: it is a folder, a FIFO or a device.
+        OSError: it cannot be read.
+    """
+    require_file(path)
+    with open(path, "rb") as file:
+        data = file.read(LARGEST_FILE + 1)
+    return parse_toml(data), data
+
+
 def parse_toml(data: bytes) -> dict[str, Any]:
     """Return the content of a TOML file.
 
     Raises:
-        TomlError: it is no TOML in UTF-8, its tables or lists lie too deep, or a number has thousands of digits.
+        TomlError: it is no TOML in UTF-8, or too large; its keys, tables or lists lie too deep; a number has thousands
+            of digits.
     """
+    if len(data) > LARGEST_FILE:
+        raise TomlError(f"over {LARGEST_FILE / 2**20:g} MiB")
     try:
-        document = tomllib.loads(data.decode())
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise TomlError("not a text file") from None
+    if deep := next((token for token in _TOKENS.finditer(text) if token["deep"]), None):
+        line = text.count("\n", 0, deep.start()) + 1
+        raise TomlError(f"a key of more than {DEEPEST} parts (at line {line})")
+    try:
+        document = tomllib.loads(text)
         repr(document)  # in hexadecimal a number may have more digits than Python writes into a message
     except RecursionError:
         raise TomlError("tables or lists are nested too deeply") from None
-    except UnicodeDecodeError:
-        raise TomlError("not a text file") from None
     except tomllib.TOMLDecodeError as error:
         raise TomlError(reason(error)) from None
     except ValueError:  # Python's limit on digits

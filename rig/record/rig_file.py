@@ -13,9 +13,8 @@ import numpy as np
 from rig.devices import create_device, device_class, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError, listed, quoted
-from rig.read_limits import require_file
 from rig.record.port import Address, on_network
-from rig.toml_tables import TomlError, TomlTable, WrongKeyError, parse_toml, read_table
+from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table, read_toml
 
 Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -150,9 +149,8 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
         RigError: it is no TOML, a key is missing, unknown or of a wrong type, or a value is wrong.
         OSError: it cannot be opened.
     """
-    require_file(path)
     try:
-        document = parse_toml(Path(path).read_bytes())
+        document, _ = read_toml(path)
     except TomlError as error:
         raise RigError(f"not a TOML file {path} ({error}): see docs/how-to/rig.md for the format") from error
     try:

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 import pytest
 
-from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table, written
+from rig.exceptions import RigError
+from rig.record.rig_file import load_rig
+from rig.toml_tables import TomlError, TomlTable, WrongKeyError, parse_toml, read_table, written
 
 
 def half(path, raw):
@@ -95,3 +98,71 @@ def test_a_mistake_is_one_line_that_names_its_key(changed, message):
 def test_what_is_no_table():
     with pytest.raises(TomlError, match=r"^f is \[\]: write a table"):
         read_table("f", [], File)
+
+
+DEEP = ".".join("a" * 17)
+DEEP_KEYS = {
+    "a key": f"{DEEP} = 1",
+    "with blanks and quotes": "b = 1\n" + " . ".join(["a", '"b.\\"c"', "'d.e'"] * 6) + " = 1",
+    "a table": f"[{DEEP}]",
+    "a list of tables": f"[[{DEEP}]]",
+    "in a table": f"x = {{a = 1, {DEEP} = 1}}",
+    "after a text with quotes at its end": f'x = {{a = """b"""", {DEEP} = 1}}',
+    "after texts of several lines": f'x = \'\'\'\n"""\'\'\'\ny = """\n#\\""""\n{DEEP} = 1',
+    "after a comment": f"# it's\n{DEEP} = 1",
+}
+
+
+@pytest.mark.parametrize("text", DEEP_KEYS.values(), ids=DEEP_KEYS)
+def test_a_key_of_many_parts_is_refused_before_it_takes_memory(text):
+    with pytest.raises(TomlError, match=r"^a key of more than 16 parts \(at line \d\)$"):
+        parse_toml(text.encode())
+
+
+SHALLOW = {
+    "as many as may be": f"{DEEP[2:]} = 1",
+    "a comment": f"a = 1 # {DEEP}",
+    "a text": f'a = "{DEEP}"',
+    "another text": f"a = '{DEEP}'",
+    "a text of several lines": f'a = """\n{DEEP}"""',
+    "another of several lines": f"a = '''\n{DEEP}'''",
+    "numbers": f"a = [{'1.5, ' * 100}2.5, 1979-05-27T07:32:00.5]",
+    "keys one after the other": "\n".join(f"a.b.c{k} = 0.1" for k in range(100)),
+}
+
+
+@pytest.mark.parametrize("text", SHALLOW.values(), ids=SHALLOW)
+def test_dots_elsewhere_are_no_parts_of_a_key(text):
+    assert "a" in parse_toml(text.encode())
+
+
+ENDLESS = [
+    "a" * 10**6, "a." * 15 + "a" * 10**6, '"\\"' * 10**5, '"' * 10**5, "'" * 10**5, '"""\\' * 10**5, '"""\\\n' * 10**5,
+    "'''\n" * 10**5 + "x", " " * 10**6, "a" + " " * 10**6, "#" * 10**6, ("a . " * 16 + "= ") * 10**4,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ENDLESS, ids=range(len(ENDLESS)))
+def test_a_text_that_is_no_toml_is_refused_at_once(text):
+    """The search for deep keys takes time with the text's length, not with its square."""
+    with pytest.raises(TomlError):
+        parse_toml(f"{text}\n=".encode())
+
+
+def test_a_file_that_would_fill_the_memory_is_not_read(tmp_path):
+    (tmp_path / "rig.toml").write_bytes(b"#" * (2**22 + 1))
+    with pytest.raises(RigError, match=r"^not a TOML file .*rig.toml \(over 4 MiB\)"):
+        load_rig(tmp_path / "rig.toml")
+
+
+def test_every_file_is_read_within_these_limits():
+    """Elsewhere is read what is part of the program, or what it has written itself."""
+    root = Path(__file__).parents[2]
+    sources = {
+        path.relative_to(root).as_posix(): path
+        for name in ("identify", "rig", "uq")
+        for path in (root / name).rglob("*.py")
+    }
+    assert {name for name, path in sources.items() if "tomllib.load" in path.read_text("utf-8")} == {
+        "rig/toml_tables.py", "uq/experiment/platform_table.py", "uq/files/toml_text.py", "uq/report/input_tables.py",
+    }  # fmt: skip

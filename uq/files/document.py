@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.exceptions import choose, quoted
-from rig.read_limits import require_file
-from rig.toml_tables import TomlError, parse_toml
+from rig.toml_tables import TomlError, read_toml
 from uq.files.mistakes import ExperimentError
 
 
@@ -28,10 +27,9 @@ def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
         RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
-    require_file(path)
-    data = Path(path).read_bytes()
     try:
-        return parse_toml(data), hashlib.sha256(data).hexdigest()
+        document, data = read_toml(path)
+        return document, hashlib.sha256(data).hexdigest()
     except TomlError as error:
         raise ExperimentError(f"not TOML {path}: {error}: give {what} in TOML") from None
 

@@ -50,9 +50,13 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
 
     def judge(_: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
         band = experiment.estimator().band if experiment.estimators else None  # as `identify` reads it
-        run = cut(
-            load(Path(path), experiment.recording, gravity=experiment.gravity, band=band, marks=False).run, None, ()
-        )
+        try:
+            run = load(Path(path), experiment.recording, gravity=experiment.gravity, band=band, marks=False).run
+        except RunError:
+            if all(finding.kind != "not finite" for finding in findings):
+                raise
+            return findings
+        run = cut(run, None, ())
         if experiment.r_cg_from_q is not None and not experiment.r_cg_from_q.any():
             # About the centre of gravity the moment alone tells the tensor: the force may be missing.
             findings = [finding for finding in findings if finding.kind != "no force"]

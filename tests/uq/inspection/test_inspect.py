@@ -13,6 +13,7 @@ from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import RigError
 from tests.helpers.rig_samples import SHARED
 from uq.cli.main import main
+from uq.experiment.experiment import Experiment
 from uq.inspection.inspect_run import inspect_run
 
 RATE, SECONDS = 500.0, 12.0
@@ -208,3 +209,14 @@ def test_the_command_needs_neither_jax_nor_scipy(tmp_path):
         [sys.executable, "-c", code, "inspect", tmp_path / "good.mcap"], capture_output=True, text=True
     )
     assert (done.returncode, done.stderr.strip()) == (0, "")
+
+
+def test_with_an_experiment_a_signal_that_is_never_a_number_is_a_finding(tmp_path):
+    """Nothing can be judged against the experiment then; what is wrong is said all the same."""
+    wrench, imu = clean()
+    force = wrench.force * [np.nan, 1, 1]
+    runs.write(tmp_path / "run.mcap", wrench=replace(wrench, force=force), imu=imu)
+    report = inspect_run(tmp_path / "run.mcap", Experiment.load("barreto2016"))
+    assert [str(finding) for finding in report.findings] == [
+        "/wrench: force x is no finite number throughout: check sensor and driver"
+    ]
