@@ -32,8 +32,7 @@ class Terminal:
 
     def say(self, text: str) -> None:
         """One message on a line of its own."""
-        self._stream.write(f"{self._clear() if self.live else ''}{on_one_line(text)}\n")
-        self._stream.flush()
+        self._write(f"{self._clear() if self.live else ''}{on_one_line(text)}\n")
 
     def progress(self, progress: Progress, more: Sequence[str] = ()) -> None:
         """The block that is always rewritten: a line of the recording, and more lines."""
@@ -41,8 +40,7 @@ class Terminal:
             columns, rows = self._size()
             texts = [on_one_line(text) for text in (self.line(progress), *more)]
             lines = [text[: columns - 1] for text in texts][: max(rows - 1, 1)]
-            self._stream.write(self._clear() + "\n".join(lines))
-            self._stream.flush()
+            self._write(self._clear() + "\n".join(lines))
             self._height = len(lines)
 
     def _clear(self) -> str:
@@ -79,8 +77,14 @@ class Terminal:
     def done(self) -> None:
         """Leave the block standing."""
         if self.live:
-            self._stream.write("\n")
+            self._write("\n")
             self._height = 0
+
+    def _write(self, text: str) -> None:
+        """Write a text; nothing where nobody reads it any more (``| head``), which must not end a recording."""
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+            self._stream.flush()
 
 
 class Keys:

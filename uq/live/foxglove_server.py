@@ -13,6 +13,7 @@ import ipaddress
 import secrets
 import socket
 import threading
+import time
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -165,9 +166,12 @@ class LoopbackGate:
                 self._free.release()
 
     def _hand_on(self, client: socket.socket) -> None:
-        client.settimeout(PATIENCE)
+        end = time.monotonic() + PATIENCE
         head = b""
         while b"\r\n\r\n" not in head:
+            if (remaining := end - time.monotonic()) <= 0:
+                return
+            client.settimeout(remaining)
             data = client.recv(HEAD)
             head += data
             if not data or len(head) > HEAD:
@@ -177,8 +181,8 @@ class LoopbackGate:
             return
         with socket.create_connection(self._server, PATIENCE) as server:
             server.sendall(head)
-            for end in (client, server):
-                end.settimeout(None)
+            for ours in (client, server):
+                ours.settimeout(None)
             back = threading.Thread(target=_pump, args=(server, client), name="viewer", daemon=True)
             back.start()
             _pump(client, server)

@@ -73,6 +73,11 @@ def output_folder(text: str | None) -> Iterator[Path | None]:
             import_module(module)
         except UnicodeDecodeError:
             raise ExperimentError("matplotlibrc is no text: correct or remove it") from None
+        except ValueError:
+            if not (backend := os.environ.get("MPLBACKEND")):
+                raise
+            which = f"the backend {quoted(backend)}: unset MPLBACKEND, or set it to agg"
+            raise ExperimentError(f"matplotlib does not know {which}") from None
     folder = Path(text)
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,16 +1,20 @@
 """``inertia record`` at serial ports: what it watches, lists and refuses; it starts without JAX."""
 
+import io
 import json
+import os
 import re
 import subprocess
 import sys
 
 import pytest
 
-from rig.record.recorder import Summary
+from rig.inspection.inspect import inspect
+from rig.record.recorder import Progress, Summary
+from rig.record.terminal import Terminal
 from tests.helpers.emulated_rig import emulated_rig
 from tests.helpers.rig_lab import Bench
-from uq.cli.main import main
+from uq.cli.main import BROKEN_PIPE, main
 from uq.cli.record import summary_lines
 
 
@@ -33,6 +37,36 @@ def test_watch_shows_rates_force_and_gravity_and_writes_nothing(emulated, tmp_pa
     assert rates, done.stdout
     assert all(700 < rate < 900 for rate in rates), rates  # 800 Hz, on a machine that may be busy
     assert "gravity" in done.stdout
+
+
+def test_a_recording_goes_on_when_nobody_reads_its_messages(emulated, tmp_path):
+    """As ``2>&1 | head -1``; the file counts. What is printed at the end finds no reader, which the status says."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    command = [sys.executable, "-m", "uq.cli.main", "record", str(emulated), "-o", str(tmp_path / "r.mcap")]
+    done = subprocess.run([*command, "--seconds", "0.5"], stdout=writes, stderr=writes, timeout=120)
+    os.close(writes)
+    assert done.returncode == BROKEN_PIPE
+    assert inspect(tmp_path / "r.mcap").findings == []
+
+
+class Gone(io.StringIO):
+    """A terminal that is gone, or a pipe that nobody reads."""
+
+    def isatty(self):
+        return True
+
+    def flush(self):
+        raise BrokenPipeError
+
+
+def test_messages_that_nobody_reads_are_dropped(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = Terminal(Gone())
+    terminal.begin()
+    terminal.say("a")
+    terminal.progress(Progress(1.0, 2, []), ["b"])
+    terminal.done()
 
 
 @pytest.mark.parametrize("kinds", [("bota", "xsens"), pytest.param(None, marks=pytest.mark.study)])

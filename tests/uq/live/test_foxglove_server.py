@@ -13,7 +13,7 @@ from mcap.records import Channel, Schema
 from rig.exceptions import RigError
 from rig.mcap import cdr, message_definitions
 from tests.helpers.foxglove_client import heard
-from uq.live.foxglove_server import FIGURES, HEAD, MOST, TOPIC, Viewer
+from uq.live.foxglove_server import FIGURES, HEAD, MOST, TOPIC, LoopbackGate, Viewer
 from uq.live.second_process import LAYOUT
 
 
@@ -131,3 +131,17 @@ def test_the_layout_names_topics_and_fields_that_there_are():
         return [node] if isinstance(node, str) else panels(node["first"]) + panels(node["second"])
 
     assert sorted(panels(layout["layout"])) == sorted(layout["configById"])
+
+
+def test_a_request_that_trickles_in_ends_in_time(monkeypatch):
+    """A byte at a time, each within the limit for the whole: else sixteen of them keep everybody out."""
+    monkeypatch.setattr("uq.live.foxglove_server.PATIENCE", 0.2)
+    gate = LoopbackGate(0, ("127.0.0.1", 9))
+
+    def trickle(client):
+        for _ in range(100):
+            client.sendall(b"G")
+            time.sleep(0.02)
+
+    with socket.create_connection(("127.0.0.1", gate.port)) as client, pytest.raises(OSError, match=r"reset|[Pp]ipe"):
+        trickle(client)

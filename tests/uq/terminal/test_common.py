@@ -48,6 +48,15 @@ def test_a_full_disk_is_noticed_before_the_work(tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_backend_of_matplotlib_that_there_is_not_is_one_line(tmp_path):
+    """Refused before any work, where figures are asked for."""
+    command = [sys.executable, "-m", "uq.cli.main", "paper", "--trials", "2", "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"MPLBACKEND": "nonsense"})
+    line = "error: matplotlib does not know the backend 'nonsense': unset MPLBACKEND, or set it to agg\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", line)
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(("name", "value"), [("JAX_PLATFORMS", "nonsense"), ("XLA_FLAGS", "--nonsense=1")])
 def test_a_setting_of_jax_that_cannot_be_is_one_line(name, value):
     command = [sys.executable, "-m", "uq.cli.main", "plan", "barreto2016"]
