@@ -106,6 +106,13 @@ def require_file(path: PathLike) -> None:
         raise RigError(f"not a file {path} but {kinds.get(stat.S_IFMT(mode), 'a device')}: give a file")
 
 
+def read_file(path: PathLike, most: int) -> bytes:
+    """Return the first bytes of a file, one more than ``most`` if it has them. Raises as :func:`require_file`."""
+    require_file(path)
+    with open(path, "rb") as file:
+        return file.read(most + 1)
+
+
 def parse_json(text: str | bytes) -> Any:
     """Return the content of JSON text.
 

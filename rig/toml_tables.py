@@ -16,7 +16,6 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 
 from rig.exceptions import ECHO, listed, nearest, quoted, reason
-from rig.read_limits import PathLike, require_file
 
 T = TypeVar("T", bound="TomlTable")
 LARGEST = 1_000_000
@@ -44,20 +43,6 @@ COUNTS = {2: "two", 3: "three"}
 
 class TomlError(ValueError):
     """A mistake in a TOML file, in one line: what, where, what to do."""
-
-
-def read_toml(path: PathLike) -> tuple[dict[str, Any], bytes]:
-    """Return the content of a TOML file, and its bytes.
-
-    Raises:
-        TomlError: as :func:`parse_toml`.
-        RigError: it is a folder, a FIFO or a device.
-        OSError: it cannot be read.
-    """
-    require_file(path)
-    with open(path, "rb") as file:
-        data = file.read(LARGEST_FILE + 1)
-    return parse_toml(data), data
 
 
 def parse_toml(data: bytes) -> dict[str, Any]:

@@ -13,8 +13,9 @@ import numpy as np
 from rig.devices import create_device, device_class, kinds
 from rig.devices.base import Device
 from rig.exceptions import RigError, listed, quoted
+from rig.read_limits import read_file
 from rig.record.port import Address, on_network
-from rig.toml_tables import TomlError, TomlTable, WrongKeyError, read_table, read_toml
+from rig.toml_tables import LARGEST_FILE, TomlError, TomlTable, WrongKeyError, parse_toml, read_table
 
 Matrix = tuple[tuple[float, float, float], ...]
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -149,8 +150,9 @@ def load_rig(path: str | os.PathLike[str]) -> Rig:
         RigError: it is no TOML, a key is missing, unknown or of a wrong type, or a value is wrong.
         OSError: it cannot be opened.
     """
+    data = read_file(path, LARGEST_FILE)
     try:
-        document, _ = read_toml(path)
+        document = parse_toml(data)
     except TomlError as error:
         raise RigError(f"not a TOML file {path} ({error}): see docs/how-to/rig.md for the format") from error
     try:

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from rig.exceptions import choose, quoted
-from rig.toml_tables import TomlError, read_toml
+from rig.read_limits import read_file
+from rig.toml_tables import LARGEST_FILE, TomlError, parse_toml
 from uq.files.mistakes import ExperimentError
 
 
@@ -27,9 +28,9 @@ def read_document(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
         RigError: it is a folder, a FIFO or a device.
         OSError: it cannot be read.
     """
+    data = read_file(path, LARGEST_FILE)
     try:
-        document, data = read_toml(path)
-        return document, hashlib.sha256(data).hexdigest()
+        return parse_toml(data), hashlib.sha256(data).hexdigest()
     except TomlError as error:
         raise ExperimentError(f"not TOML {path}: {error}: give {what} in TOML") from None
 

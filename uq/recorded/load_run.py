@@ -157,9 +157,9 @@ def finite_samples(channel: AnyChannel) -> AnyChannel:
     Raises:
         RunError: hardly a sample is finite.
     """
-    keep = np.ones(len(channel.stamp), bool)
+    keep, joints = np.ones(len(channel.stamp), bool), bool(getattr(channel, "names", ()))
     for name in ("force", "moment", *NOT_MEASURED):
-        values = getattr(channel, name, None)
+        values = None if name == "position" and joints else getattr(channel, name, None)
         finite = True if values is None else np.isfinite(values).all(axis=1)
         if values is not None and name in NOT_MEASURED and np.mean(finite) < 0.5:
             channel = replace(channel, **{name: np.zeros_like(values)})

@@ -158,8 +158,8 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
     bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
     bag, _ = in_order(bag, recording.time)
-    for targets, raw in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
-        refuse_excess(" and ".join(targets), raw, bag.path.name)
+    for targets, read in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
+        refuse_excess(" and ".join(targets), read, bag.path.name)
     stamps, notes = instants((bag.wrench, bag.imu), recording.time)
     rig, name = declared(bag, recording), bag.path.name
     start = min(int(stamp[0]) for stamp in stamps)
@@ -190,7 +190,7 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
 
 
 def _raw(wrench: WrenchChannel, imu: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
-    """What load cell and IMU read, in the units in which they wrote it."""
+    """Return the readings of load cell and IMU in their recorded units."""
     return np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration])
 
 

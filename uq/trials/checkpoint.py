@@ -49,7 +49,7 @@ class Checkpoint:
         self.folder, self.say = Path(folder), say
         self.digest, self.lock = "", -1
         self.made: list[Path] = []
-        """What this campaign, or an earlier call of it, has made: the lock, then the folder and those above it."""
+        """Lock, folder and folders above it that this campaign, or an earlier call of it, has made."""
 
     def open(self, identity: Mapping[str, Any]) -> None:
         """Make the folder that of one campaign, or see that it is.
