@@ -273,7 +273,7 @@ Choice: less may be an error of linearisation of the first.
 """
 
 
-class Candidate(NamedTuple):
+class PossibleCause(NamedTuple):
     """A cause in the runs that would have it."""
 
     finding: Finding
@@ -284,7 +284,7 @@ class Candidate(NamedTuple):
     columns: list[np.ndarray]
     """Change of the measured wrench of each run by a unit of each coefficient, (n, 6, p)."""
     lines: list[np.ndarray]
-    """Its lines in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none of it."""
+    """Lines of the cause in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none."""
 
     def judged(self, base: Base, *, white: bool = False) -> Evidence | None:
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
@@ -294,7 +294,7 @@ class Candidate(NamedTuple):
         one = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
         return None if one is None else one._replace(lines=self.lines)
 
-    def weighted(self, noise: Sequence[np.ndarray]) -> "Candidate":
+    def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":
         """Return it with each line in units of its noise, whose mean squares are given."""
         roots = [np.sqrt(np.maximum(power, 1e-300))[:, :, None] for power in noise]
         return self._replace(lines=[part / root for part, root in zip(self.lines, roots, strict=True)])
@@ -308,14 +308,14 @@ class Candidate(NamedTuple):
         return min([one.chance for one in apart if one is not None], default=1.0) * len(apart) > UNLIKE
 
 
-def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[Candidate]:
+def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[PossibleCause]:
     """Return the causes to look for.
 
     Args:
         fits: of the runs, at their best.
         excluded: causes that cannot be, or that are no news.
     """
-    made: list[Candidate] = []
+    made: list[PossibleCause] = []
     for finding, make in SIGNALS.items():
         if finding not in excluded:
             parts = [make(fit.prediction) for fit in fits]
@@ -324,20 +324,20 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[Can
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(finding: Finding, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> Candidate:
+def _candidate(finding: Finding, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
     """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
     own = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in own], axis=0)
     acting = np.any([columns.any(axis=(0, 1)) for columns, _ in own], axis=0) & (size > 0)
     columns = [columns[:, :, acting] * (run in (None, k)) for k, (columns, _) in enumerate(parts)]
     lines = [fit.transformed(part * size[acting]) for fit, part in zip(fits, columns, strict=True)]
-    return Candidate(finding, run, size[acting], columns, lines)
+    return PossibleCause(finding, run, size[acting], columns, lines)
 
 
 class FollowedCause(NamedTuple):
     """A cause that the residuals follow."""
 
-    candidate: Candidate
+    candidate: PossibleCause
     evidence: Evidence
     rivals: tuple[str, ...] = ()
     """Other causes that are about as probable."""
@@ -388,7 +388,7 @@ def _simplest(likely: Sequence[FollowedCause]) -> FollowedCause:
     return simpler[0] if simpler and not variant else likely[0]
 
 
-def _shown(base: Base, open_to: Sequence[Candidate]) -> list[FollowedCause]:
+def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
     """The causes that the residuals show, the most probable first.
 
     Each is looked for in the noise that it would leave. Those that show are compared in one noise, the least: else a

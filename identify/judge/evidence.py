@@ -75,7 +75,7 @@ class FittedLines:
 
     @cached_property
     def information(self) -> Float[np.ndarray, "s s"]:
-        """What the run says of the shared unknowns."""
+        """Normal matrix of the shared unknowns by this run, (s, s)."""
         return products(self.reduced, self.shared)
 
 
@@ -84,7 +84,7 @@ Lines = Sequence[np.ndarray]
 
 
 class Absorbed(NamedTuple):
-    """What the fitted unknowns leave of some signals, (m, rows, p) in each run, and how they follow them."""
+    """Signals beside the fitted unknowns, (m, rows, p) in each run, and how the unknowns follow them."""
 
     left: list[np.ndarray]
     shared: Float[np.ndarray, "s p"]
@@ -108,7 +108,7 @@ class Base:
 
     @cached_property
     def residuals(self) -> list[np.ndarray]:
-        """What the unknowns at their best leave of each run, (m, rows)."""
+        """Residuals of each run with the unknowns at their best, (m, rows)."""
         return [left[:, :, 0] for left in self.beside([run.departure[:, :, None] for run in self.runs]).left]
 
     @cached_property
@@ -210,7 +210,7 @@ class Evidence(NamedTuple):
     effects: Float[np.ndarray, "10 p"]
     """Errors in mass, r_CG and tensor of the fit by a typical size of each coefficient [kg, m, kg·m²]."""
     lines: list[np.ndarray]
-    """Its signals by run, for coefficients in typical sizes."""
+    """Lines of the cause by run, for coefficients in typical sizes."""
 
     @property
     def values(self) -> Float[np.ndarray, " p"]:

@@ -1,4 +1,4 @@
-"""How the judge fits a run: band, priors and start by the result that is judged, source of the specific force."""
+"""Fits of runs for the judge: band, priors and start by the result that is judged, source of the specific force."""
 
 from dataclasses import replace
 

@@ -77,14 +77,14 @@ def judged(result: Identification, problem: Problem) -> Identification:
         return replace(result, declarations=held_errors.farthest(result.declarations))
     declarations, explained = list(result.declarations), list[str]()
     fits = [fits_of(run, result, problem) for run in problem.runs]
-    examination = examined(fits, result, problem)
-    if examination is None:
+    joined = examined(fits, result, problem)
+    if joined is None:
         found, exact_errors = (
             merged([Contribution(one) for run in problem.runs for one in saturated(run)], len(fits)),
             [],
         )
     else:
-        found, exact_errors = examination.contributions(), examination.exact_errors
+        found, exact_errors = joined.contributions(), joined.exact_errors
     verdicts = [one.finding for one in found]
     candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
     estimator_fits = [fit for fit in candidates if fit]
@@ -165,7 +165,7 @@ class Contribution(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Examination:
+class JudgedRuns:
     """Runs at their best together, with what their residuals follow."""
 
     result: Identification
@@ -175,13 +175,13 @@ class Examination:
     weights: Sequence[float]
     """Weight of each run in the pooled tensor."""
     fits: Sequence[RunFit]
-    """Of each run, by the first way to have its specific force."""
+    """Fit of each run, by the first way to have its specific force."""
     last: tuple[Sequence[RunFit], Base]
     """Fits by the last way, and their unknowns."""
     named: Mapping[Finding, Sequence[FollowedCause]]
     """Causes by finding, where each shows most first."""
     judgement: Judgement
-    """That by the way which leaves the least unexplained."""
+    """Judgement by the way that leaves the least unexplained."""
 
     @property
     def count(self) -> int:
@@ -253,7 +253,7 @@ class Examination:
         return [Contribution(verdict, np.hstack([changes[4:, None], *uncertain]))]
 
     def _of_run(self, k: int, silent: set[str]) -> list[Contribution]:
-        """What is found in one run beside the causes."""
+        """Findings in one run beside the causes."""
         run, judgement, found = self.runs[k], self.judgement, list[Contribution]()
         fits, base = self.last
         if not self.named and run.name not in silent:
@@ -276,7 +276,7 @@ class Examination:
         return found + [Contribution(line, changes if line is lines[0] else np.zeros((6, 0))) for line in lines]
 
     def _of_implausible(self) -> list[Contribution]:
-        """What follows the motion in all runs, but is no cause that is known: it is not divided by their number."""
+        """A finding on residuals that follow the motion in all runs, by no known cause; not divided by their number."""
         cause = self.judgement.implausible
         if cause is None:
             return []
@@ -294,7 +294,7 @@ class Examination:
         return [Contribution(verdict._replace(run=", ".join(where)), changes[:, None])]
 
 
-def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Problem) -> Examination | None:
+def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Problem) -> JudgedRuns | None:
     """Return what the residuals of all runs follow together; None: no run is long enough."""
     numbers = [number for number, ways in enumerate(fits) if ways]
     if not numbers:
@@ -306,7 +306,7 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     bases = [_base(way, problem) for way in together]
     excluded = _excluded(problem, result, runs)
     judgements = [followed(way, excluded, base) for way, base in zip(together, bases, strict=True)]
-    return Examination(
+    return JudgedRuns(
         result=result, problem=problem, runs=runs, weights=[result.runs[number].weight for number in numbers],
         fits=[fits[number][0] for number in numbers], last=(together[-1], bases[-1]),
         named=_named_once(judgements, result),
@@ -366,7 +366,7 @@ def merged(found: Sequence[Contribution], count: int) -> list[Contribution]:
 
 
 def _split(found: Sequence[Contribution]) -> tuple[list[Contribution], list[Contribution]]:
-    """What no cause explains, and the other findings."""
+    """Findings that no cause explains, and the others."""
     unexplained = [one.finding.cause == Finding.UNEXPLAINED.label for one in found]
     pairs = list(zip(found, unexplained, strict=True))
     return [one for one, is_it in pairs if is_it], [one for one, is_it in pairs if not is_it]
