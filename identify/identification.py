@@ -1,12 +1,13 @@
 """Identification of the tensor, with its standard uncertainty, from runs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 
 from identify.choices import CgMotion, OffsetChoice
+from identify.estimators.pooling import RUNS_SCATTER
 from identify.exceptions import RunError, explains_names
 from identify.joint.priors import Alignment, ConstantError
 from identify.judge.held_out import held_out
@@ -14,6 +15,7 @@ from identify.judge.judged_result import judged
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.results.covariances import checked
+from identify.results.discordance import misnamed_mountings
 from identify.results.identification_result import Identification, covering_bias
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
@@ -30,6 +32,9 @@ DENSEST = 22.6e3
 """Density of osmium [kg/m³]: a sphere of it has the least trace of all bodies of its mass."""
 WIDEST = 3.0
 """Radius of gyration [m] beyond which moments are in N·mm or forces in kN: no load cell carries such a body."""
+
+MANY = 1e9
+"""Degrees of freedom of standard uncertainties that count as known."""
 
 
 @explains_names
@@ -48,6 +53,7 @@ def identify(
     gravity: float = 9.80665,
     mass_uncertainty: float | None = None,
     errors: Mapping[str, ConstantError] | None = None,
+    drawn_by_mounting: Collection[str] = (),
     validate: bool = False,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
@@ -73,6 +79,8 @@ def identify(
         mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
         errors: declared constant errors of load cell, gyro and rig, by the name of their source (``joint``); see
             :class:`identify.joint.priors.ConstantError`. None: none.
+        drawn_by_mounting: unknowns of :data:`identify.joint.joint_model.SIZES` that are others in each mounting, as
+            ``r_cg`` may be, where the runs name two or more (``joint``).
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
     Raises:
@@ -93,9 +101,17 @@ def identify(
     problem = Problem(
         *_checked(runs, r_cg, sigma_r_cg), estimator=estimator, offsets=offsets, mass=mass,
         mass_uncertainty=mass_uncertainty, centre=centre, alignment=alignment, cg_motion=cg_motion, gravity=gravity,
-        errors=errors or {},
+        errors=errors or {}, drawn_by_mounting=frozenset(drawn_by_mounting),
     )  # fmt: skip
+    if len({run.mounting for run in problem.runs}) < 2:
+        problem = replace(problem, drawn_by_mounting=frozenset())
     result = estimator_of(method).fit(problem)
+    freedom = MANY if result.pooling is None else float(result.pooling.residual_degrees_of_freedom.min())
+    if misnamed := misnamed_mountings(result.runs, freedom):
+        problem = problem.without_mountings
+        result = estimator_of(method).fit(problem)
+        others = [text for text in result.warnings if not text.startswith(RUNS_SCATTER)]  # no news beside this
+        result = replace(result, warnings=(misnamed, *others))
     result = judged(covering_bias(result, result.bias), problem)
     result = replace(result, warnings=(*_unit_warnings(result, problem.runs), *result.warnings))
     return checked(_validated(result, problem) if validate else result)

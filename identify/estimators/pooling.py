@@ -16,11 +16,33 @@ import scipy
 from jaxtyping import Float
 
 from identify.estimators.run_information import Excitation, Information, excitation
+from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import by_component
 from identify.signals.run import RunError
 
 PROBABILITY = 0.975
 """Probability below the upper end of a two-sided interval of 95 %."""
+LEAST_EXCESS = 2.0
+"""Scatter between runs or mountings, over what is predicted, that is worth a warning."""
+RUNS_SCATTER = "the runs scatter"
+"""Beginning of the sentence on runs that do."""
+BEYOND_CHANCE = 0.01
+"""Chance of as large a scatter below which it is beyond chance, over all components (Bonferroni)."""
+
+
+def scatter_warning(ratio: float, mountings: int, where: str = "") -> str:
+    """Return the sentence on runs, or mountings, that scatter more than is predicted.
+
+    Args:
+        ratio: of the scatter to what is predicted.
+        mountings: how many the runs name.
+        where: the components.
+    """
+    if mountings > 1:
+        cure = "declare what changes with each mounting as a source, and list it in drawn_by_mounting"
+        return f"the mountings scatter {ratio:.1f} times more than noise and sources explain{where}: {cure}"
+    cure = "find out what changed; if the body was taken off in between, name the mountings"
+    return f"{RUNS_SCATTER} {ratio:.1f} times more than their own noise explains{where}: {cure}"
 
 
 @dataclass(frozen=True)
@@ -86,6 +108,17 @@ class Pooling:
         if self.from_scatter is None:
             return np.ones(6)
         return np.maximum(self.from_scatter / np.maximum(self.predicted_standard_uncertainty, 1e-300), 1.0)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence on a scatter that is beyond chance and beyond what is predicted; else none."""
+        excess, freedom = self.excess, self.residual_degrees_of_freedom
+        chance = scipy.special.fdtrc(self.scatter_degrees_of_freedom, freedom, excess**2) if excess.max() > 1 else 1.0
+        beyond = (excess > LEAST_EXCESS) & (chance < BEYOND_CHANCE / len(excess))
+        if not beyond.any():
+            return ()
+        names = ", ".join(name for name, scatters in zip(COMPONENTS, beyond, strict=True) if scatters)
+        return (scatter_warning(float(excess[beyond].max()), self.mountings, f" in {names}"),)
 
     @property
     def covariance(self) -> np.ndarray:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.offsets import Offsets
+from identify.estimators.pooling import LEAST_EXCESS, scatter_warning
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
 from identify.joint.joint_pooling import PooledJoint, pool, shared_unknowns
 from identify.joint.predicted_wrench import PredictedWrench
@@ -34,8 +35,6 @@ FORCE_ASSUMPTION = {
 }
 WEIGHED = 0.9
 """Standard uncertainty over the mass from which no mass is stated where nothing tells it: that of its prior is one."""
-LEAST_SCATTER = 2.0
-"""Scatter between runs, over that of their noise, that is worth a warning."""
 
 
 def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: OffsetChoice) -> Identification:
@@ -47,7 +46,11 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
         offsets: where they come from, for the result.
     """
     prior = joint_runs[0].prior
-    pooled = pool(joint_runs, shared_unknowns(setting.errors, calibrated=calibrated(setting.blocks)))
+    drawn = setting.drawn_by_mounting
+    is_calibrated = calibrated(setting.blocks)
+    shared = shared_unknowns(setting.errors, calibrated=is_calibrated, drawn_by_mounting=drawn)
+    by_mounting = {*drawn, *(error.unknown for error in setting.errors.values() if not error.shared)} - shared
+    pooled = pool(joint_runs, shared, by_mounting)
     freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)
     factor = float(scipy.special.stdtrit(freedom, 0.975))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
@@ -66,7 +69,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     warnings += alignment_warnings(delay, None if cell_may_turn else rotation)
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
         warnings += turn_warnings(rotation, inertia, half)
-    warnings += _warnings(pooled, bias, half / factor)
+    warnings += _warnings(pooled, bias, half / factor, len({fitted_run.run.mounting for fitted_run in joint_runs}))
     return Identification(
         inertia=inertia, bias=bias, covariance=covariance[tensor, tensor],
         interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=value[cg],
@@ -121,6 +124,7 @@ def _budget(
             block = prior_covariance[np.ix_(indices(group), indices(group))]
             rows[name] = contribution(group, block - lasting @ lasting.T if name == "static poses" else block)
     rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in error_effects.items()}
+    rows["drawn by mounting"] = np.sqrt(np.diag(pooled.from_mountings)[tensor])
     total = np.diag(pooled.covariance)[tensor]
     residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
     return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
@@ -196,17 +200,13 @@ def _by_alpha(model: Model, theta: np.ndarray) -> Float[np.ndarray, "rows 3"]:
     return at.counted(at.cell @ at.changed(0 * by_axis, by_axis, 0 * by_axis))[0]
 
 
-def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray) -> list[str]:
+def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray, mountings: int) -> list[str]:
     warnings = [
         f"gyro noise biases {name} by about {significant(1e3 * error, 2)} g·m²: record with a better gyro, or slower"
         for name, error, three in zip(COMPONENTS, bias, 3 * sigma, strict=True)
         if abs(error) > 0.1 * three
     ]
-    if pooled.scatter > LEAST_SCATTER:
-        warnings.append(
-            f"the runs scatter {pooled.scatter:.1f} times more than their own noise explains: they are not alike"
-        )
-    return warnings
+    return [*warnings, *([scatter_warning(pooled.scatter, mountings)] if pooled.scatter > LEAST_EXCESS else [])]
 
 
 def _assumptions(specific_force: SpecificForce, runs: int) -> tuple[str, ...]:
@@ -235,14 +235,16 @@ def _diagnostics(runs: Sequence[JointRun], pooled: PooledJoint, factor: float) -
 
 def _run_estimate(fitted_run: JointRun, theta: np.ndarray) -> RunEstimate:
     """The run by itself, with the offsets of the pooled estimate."""
-    tensor, run, rows, covariance = SLICES["inertia"], fitted_run.run, fitted_run.model.rows, fitted_run.covariance
+    run, rows, covariance = fitted_run.run, fitted_run.model.rows, fitted_run.covariance
+    tensor, centre = SLICES["inertia"], SLICES["r_cg"]
     return RunEstimate(
         file=run.name, sha256=run.sha256, inertia=fitted_run.theta[tensor],
         standard_uncertainty=np.sqrt(np.diag(covariance)[tensor]), samples=int(rows.used.sum()) * rows.factor,
         rate=run.rate, residual=np.sqrt(np.diag(fitted_run.noise)[-3:]), correlation_time=1 / run.rate,
         offsets=_offsets(theta, covariance), alone=True, segments=run.segments, detected=run.detected,
         left_out=run.left_out, overview=run.overview, force_offset=theta[SLICES["force_offset"]],
-        mounting=run.mounting, trace=_trace(fitted_run, theta),
+        mounting=run.mounting, r_cg=fitted_run.theta[centre], sigma_r_cg=np.sqrt(np.diag(covariance)[centre]),
+        trace=_trace(fitted_run, theta),
     )  # fmt: skip
 
 

@@ -162,6 +162,8 @@ class Setting:
     """Unknowns without a prior; what is stated of them is only where the search starts, and their size."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source; ``blocks`` hold them too."""
+    drawn_by_mounting: frozenset[str] = frozenset()
+    """Unknowns that are others in each mounting."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Errors of the static calibration that are the same in another body's result, by name, in the order of
     ``STATIC``."""

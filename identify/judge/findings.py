@@ -174,7 +174,7 @@ class Finding(Enum):
         "the residuals follow the motion, most like {label}, but the runs do not agree on its size, or no rig errs by "
         "as much: no known cause fits", "the interval holds {component} {shift} g·m² off"
     )  # fmt: skip
-    REPEATABILITY = "repeatability", "the scatter of the runs is not what their residuals predict", ""
+    REPEATABILITY = "repeatability", "the runs scatter more than their residuals predict", ""
     ACCELERATION_IN_G = (
         "unit", "the median acceleration is {median:.3f}: it is probably in g, not m/s^2 (times 9.80665)",
         'set acceleration_unit = "g" in [recording]'

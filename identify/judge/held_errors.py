@@ -56,10 +56,16 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
     ]
-    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
+    shared = _shared(problem)
     shift = pooled_change(fits, added, shared)[indices(TEN)]
     sizes = [columns.shape[2] for columns in held[0].values()]
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
+
+
+def _shared(problem: Problem) -> set[str]:
+    return shared_unknowns(
+        problem.errors, calibrated=problem.centre is not None, drawn_by_mounting=problem.drawn_by_mounting
+    )
 
 
 def _held(run: PredictedWrench) -> dict[str, Columns]:
@@ -165,7 +171,7 @@ def departing_declarations(
         )
         for number, fit in enumerate(fits)
     ]
-    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
+    shared = _shared(problem)
     theta = prior.mean + pooled_change(fits, rows, shared)[:, 0]
     names = {"mass", "r_cg", *(error.unknown for error in problem.errors.values() if error.shared)}
     return departures(theta, prior, names)

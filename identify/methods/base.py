@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -46,6 +46,15 @@ class Problem:
     """Local gravity that is stated [m/s²]."""
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source, for an estimator that takes them along."""
+    drawn_by_mounting: frozenset[str] = frozenset()
+    """Unknowns of the joint model that are others in each mounting, as far as the runs name theirs."""
+
+    @property
+    def without_mountings(self) -> "Problem":
+        """The problem of runs that do not name their mountings, with errors that all of them share."""
+        runs = tuple(replace(run, mounting=None) for run in self.runs)
+        errors = {name: error._replace(shared=True) for name, error in self.errors.items()}
+        return replace(self, runs=runs, errors=errors, drawn_by_mounting=frozenset())
 
     @cached_property
     def band(self) -> float:

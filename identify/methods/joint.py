@@ -52,7 +52,8 @@ class JointEstimator(Method):
         setting = Setting(
             blocks=prior_blocks(problem, specific_force), alignment=problem.alignment or Alignment(), band=band,
             specific_force=specific_force, gravity=problem.gravity, scale=tensor_scale(problem.runs, band),
-            errors=problem.errors, lasting={} if problem.centre is None else problem.centre.lasting_errors,
+            errors=problem.errors, drawn_by_mounting=problem.drawn_by_mounting,
+            lasting={} if problem.centre is None else problem.centre.lasting_errors,
         )  # fmt: skip
         fitted = [joint_run(run, setting) for run in problem.runs]
         if specific_force == "still":

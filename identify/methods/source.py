@@ -106,12 +106,7 @@ def _warnings(informations: Sequence[Information], pooled: Pooled, spec: Estimat
         if abs(bias) > 0.1 * three and not matched:
             by = f"{significant(1e3 * bias, 2)} g·m²"
             warnings.append(f"gyro noise and differentiator bias {name} by about {by}: match a smoother to the band")
-    for name, ratio in zip(COMPONENTS, pooled.together.excess, strict=True):
-        if ratio > 2:
-            warnings.append(
-                f"{name} scatters {ratio:.1f} times more between the runs than within them: they are not alike"
-            )
-    return warnings
+    return [*warnings, *pooled.together.warnings]
 
 
 def _assumptions(offsets: OffsetChoice) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from identify.estimators.discordant import LEAST, discordant
+from identify.estimators.discordant import LEAST, discordant, misnamed
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
@@ -102,6 +102,8 @@ class Discordance:
 
 RECORDED = ("mounting", "component", "difference", "standard_uncertainty")
 """Properties of a departure in result.json, beside its runs."""
+MISNAMED = "they are left out: correct them, or name none"
+"""The fate of wrong names, and their cure."""
 CURE = "find out what was different, and leave it out only for a reason"
 
 
@@ -122,6 +124,33 @@ def discordant_runs(runs: Sequence[RunEstimate], redrawn: np.ndarray) -> tuple[D
     for cluster in clusters:
         leaving += _leaving(runs, [[index] for index in cluster], [None] * len(cluster), np.zeros(6))
     return tuple(leaving)
+
+
+def misnamed_mountings(runs: Sequence[RunEstimate], freedom: float) -> str:
+    """Return a warning where runs of one name differ beyond their noise, and no less than runs of different names.
+
+    Empty where they do not. Compared are tensors of runs that identify all of it, and where runs have them, r_CG.
+
+    Args:
+        runs: of a result.
+        freedom: degrees of freedom of their standard uncertainties.
+    """
+    alone = [run for run in runs if run.alone]
+    names = [str(run.mounting) for run in alone]
+    if len(set(names)) < 2:
+        return ""
+    values = np.array([np.concatenate([run.inertia, run.r_cg]) for run in alone])
+    u = np.array([np.concatenate([run.standard_uncertainty, run.sigma_r_cg]) for run in alone])
+    wrong = misnamed(values, u, names, freedom)
+    if wrong is None:
+        return ""
+    quantity = (*COMPONENTS, *(f"r_CG on b{axis}" for axis in (1, 2, 3)))[wrong.quantity]
+    doubt = "" if wrong.certain else ", or find out what else changes from run to run"
+    return (
+        f"the names of the mountings do not match the scatter: {quantity} scatters {wrong.within:.1f} times more "
+        f"between runs of one name than within a run, and between names {wrong.across:.2g} times as much as that; "
+        f"{MISNAMED}{doubt}"
+    )
 
 
 def _leaving(

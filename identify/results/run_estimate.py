@@ -43,6 +43,10 @@ class RunEstimate:
     """Time and largest angular velocity of the whole run that the segments were cut from [s, rad/s]."""
     force_offset: np.ndarray | None = None
     """The force's offset [N]; None where neither mass nor accelerometer determines it."""
+    r_cg: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Centre of gravity from this run alone, (3,) [m]; empty: it counts as stated."""
+    sigma_r_cg: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """Standard uncertainty of ``r_cg`` [m]."""
     mounting: str | None = None
     """Name of the mounting of the body; None: not declared."""
     weight: float = 1.0

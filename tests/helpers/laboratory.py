@@ -95,6 +95,8 @@ class Setup:
     slosh_damping: float = 0.1
     slosh_position: tuple = (0.05, 0.03, 0.08)
     """From the centre of gravity, at rest [m]."""
+    mounted: tuple = ZERO
+    """By how much the body stands elsewhere on the load cell than stated [m]."""
     slip: tuple = ZERO
     """By how much the body slides on the load cell in the middle of the run [m]."""
     # what the experiment says of the body

@@ -102,7 +102,7 @@ def still_point(setup):
 def wrench_of(setup, base, rng):
     """What the mounting exerts on the body at Q, (n, 6) in the base's axes; the IMU's motion: omega, alpha, force at Q."""
     at_q = carried(base.fixed, base.omega, base.alpha, still_point(setup) - R_CG)
-    r = R_CG + np.outer(base.t > setup.seconds / 2, setup.slip)
+    r = R_CG + setup.mounted + np.outer(base.t > setup.seconds / 2, setup.slip)
     load = outside(setup, base, at_q, r)
     seen = base.omega, base.alpha, at_q
     if not np.any(setup.flex_frequency):

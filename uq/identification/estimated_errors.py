@@ -67,6 +67,22 @@ def estimated_errors(
     return priors
 
 
+def drawn_unknowns(experiment: Experiment) -> frozenset[str]:
+    """Return the unknowns of the joint model that each mounting draws: all sources that change them are listed so."""
+    redrawn, recording = experiment.recording.drawn_by_mounting, experiment.recording
+    names: dict[str, set[str]] = {}
+    for source in experiment.sources:
+        if source.constant and source.perturbs is not None:
+            unknown = (
+                _drift(source, 1.0)[0] if source.perturbs == "cell_drift" else UNKNOWN.get(source.perturbs, ("",))[0]
+            )
+            names.setdefault("r_cg" if source.perturbs == "r_cg" else unknown, set()).add(source.name)
+    stated = {"delay": recording.sigma_delay, "rotation": recording.sigma_rotation}
+    return frozenset(
+        unknown for unknown, sources in names.items() if sources <= set(redrawn) and stated.get(unknown) is None
+    ) - {""}
+
+
 def draw_root(source: Source, mixing: Collection[Mixing]) -> np.ndarray:
     """Return a root of the covariance of one source's draw, (n, n), its axes correlated as declared."""
     sigma = np.broadcast_to(np.asarray(source.standard_deviation, float), np.shape(source.sigma)).ravel()

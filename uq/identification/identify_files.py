@@ -32,7 +32,7 @@ from uq.experiment.undeclared_table import NONE
 from uq.files.provenance import provenance
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior, with_free_centre
-from uq.identification.estimated_errors import estimated_errors
+from uq.identification.estimated_errors import drawn_unknowns, estimated_errors
 from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict, with_discordance
 from uq.identification.systematic_errors import with_declared_sources
 from uq.identification.undeclared import with_undeclared
@@ -128,7 +128,7 @@ def identify_files(
     return replace(
         result,
         warnings=(*on_body, *first, *then, *noisy, *cautions(experiment.report, inputs)),
-        consistency=(*result.consistency, *([] if repeats is None or repeats.describes else [_repeatability(repeats)])),
+        consistency=(*result.consistency, *([_repeatability(repeats)] if repeats and (repeats.sign > 0).any() else [])),
         assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment, prior)),
         provenance=provenance(**declared_inputs, **mass_and_centre.provenance, inputs=inputs),
         datum=experiment.datum,
@@ -199,6 +199,7 @@ def _estimated(
 ) -> Identification:
     """The tensor of some runs, with what is declared of them."""
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
+    redrawn = experiment.recording.drawn_by_mounting if len({run.mounting for run in runs}) > 1 else ()
     result = identify(
         runs,
         r_cg=experiment.stated_r_cg,
@@ -212,7 +213,8 @@ def _estimated(
         cg_motion=experiment.recording.cg_motion,
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
-        errors=estimated_errors(experiment, duration, experiment.recording.drawn_by_mounting),
+        errors=estimated_errors(experiment, duration, redrawn),
+        drawn_by_mounting=drawn_unknowns(experiment),
         validate=validate,
     )
     estimates = estimator_of(result.method).estimates
@@ -233,7 +235,7 @@ def _alignment(experiment: Experiment) -> Alignment:
 
 
 def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
-    worst = int(np.argmin(repeats.probability))
+    worst = int(np.argmin(np.where(repeats.sign > 0, repeats.probability, np.inf)))
     return Finding.REPEATABILITY.verdict(
         "", axis=COMPONENTS[worst], share=float(repeats.ratio[worst]), text=repeats.text
     )

@@ -125,11 +125,15 @@ def with_discordance(
 ) -> Identification:
     """Return a result with the runs or mountings that leave the others, and a warning of each; else unchanged.
 
+    Where the names of mountings are wrong nobody can say which runs belong together, and so which do not.
+
     Args:
         result: of all runs.
         runs: what it was made of.
         estimated: makes a result of some of the runs.
     """
+    if {run.mounting for run in runs} != {run.mounting for run in result.runs}:
+        return result
     pooling = result.pooling
     redrawn = np.zeros(6) if pooling is None else pooling.from_redrawn_sources * np.sqrt(max(pooling.mountings, 1))
     departures = discordant_runs(result.runs, redrawn)

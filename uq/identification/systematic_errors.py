@@ -17,6 +17,7 @@ from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
+from identify.estimators.pooling import Pooling
 from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
@@ -129,15 +130,18 @@ def with_declared_sources(
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
         result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
-    if result.pooling is None or result.admissible is not None:
+    if result.pooling is None:
         return widened_by_sources(result, systematic)
     together = replace(result.pooling, from_redrawn_sources=systematic.by_mounting.std(axis=0))
+    result = _with_predicted_scatter(result, together)
+    if result.admissible is not None:
+        return widened_by_sources(result, systematic)
     if not systematic.sources:
         misfit = {} if result.misfit is None else {"model misfit": np.linalg.norm(result.misfit, axis=1)}
         return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)
-    if "r_cg" in redrawn and len({run.mounting for run in runs}) > 1:  # each mounting has its own
+    if "r_cg" in redrawn and len({run.mounting for run in result.runs}) > 1:  # each mounting has its own
         result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
     else:
         result = _with_shared_errors(result, runs, experiment, redrawn)
@@ -159,6 +163,13 @@ def with_declared_sources(
     )
     with_bias = covering_bias(with_sources, result.bias)
     return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
+
+
+def _with_predicted_scatter(result: Identification, together: Pooling) -> Identification:
+    """A result whose warnings of scatter know what each mounting draws, which predicts more of it."""
+    warned = result.pooling.warnings if result.pooling else ()
+    others = tuple(text for text in result.warnings if text not in warned)
+    return result if len(others) == len(result.warnings) else replace(result, warnings=(*others, *together.warnings))
 
 
 def propagated(problem: SystematicProblem, *, trials: int = TRIALS) -> Systematic:
@@ -184,7 +195,8 @@ def problem_of(
         ExperimentError, RunError: see :func:`with_declared_sources`.
     """
     sources, mixing = acting(result, experiment, redrawn)
-    mountings = dict.fromkeys(run.mounting for run in runs)
+    names = [fitted.mounting for fitted in result.runs]  # None where the runs' names are not believed
+    mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(sources, slopes=slopes)
     columns = Columns.of(sources)
@@ -194,8 +206,7 @@ def problem_of(
         for run, fitted in zip(runs, result.runs, strict=True)
     ]
     by_mounting = tuple(
-        added([part for part, run in zip(sums, runs, strict=True) if run.mounting == mounting])
-        for mounting in mountings
+        added([part for part, name in zip(sums, names, strict=True) if name == mounting]) for mounting in mountings
     )
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.estimators.discordant import discordant
+from identify.estimators.discordant import discordant, misnamed
 
 FREEDOM = 20
 
@@ -64,3 +64,41 @@ def test_units_do_not_matter():
     (plain,), (scaled,) = discordant(values, u), discordant(1e-6 * values, 1e-6 * u)
     assert (plain.repeat, plain.component) == (scaled.repeat, scaled.component) == (3, 0)
     assert scaled.difference == pytest.approx(1e-6 * plain.difference)
+
+
+TRUE, ALTERNATING, SHUFFLED = "AAABBBCCC", "ABCABCABC", "ABBCACBCA"
+
+
+def remounted(draw, size):
+    """Nine repeats in three mountings, which differ by so many standard uncertainties."""
+    return np.repeat(size * draw.normal(size=(3, 6)), 3, axis=0)
+
+
+@pytest.mark.parametrize("size", [0.0, 2.0, 20.0])
+def test_true_names_are_hardly_ever_called_wrong(size):
+    """None of 600, of the stated level 0.001: two are expected in 3,000."""
+    draw = np.random.default_rng(5)
+    for _ in range(600):
+        values, u = pool(draw, 9)
+        assert misnamed(values + remounted(draw, size), u, TRUE, float(FREEDOM)) is None
+
+
+@pytest.mark.parametrize(("names", "certain"), [(ALTERNATING, 0.9), (SHUFFLED, 0.0)])
+def test_names_that_do_not_match_the_scatter_are_called_wrong(names, certain):
+    draw, found = np.random.default_rng(6), []
+    for _ in range(100):
+        values, u = pool(draw, 9)
+        found.append(misnamed(values + remounted(draw, 20.0), u, names, float(FREEDOM)))
+    assert np.mean([wrong is not None for wrong in found]) >= 0.85
+    assert np.mean([wrong.certain for wrong in found if wrong]) >= certain
+
+
+def test_a_repeat_that_leaves_the_others_is_no_wrong_name():
+    draw = np.random.default_rng(7)
+    wrong = [misnamed(*pool(draw, 9, planted=[(4, 2, 40.0)]), TRUE, float(FREEDOM)) for _ in range(100)]
+    assert wrong == [None] * 100
+
+
+@pytest.mark.parametrize("names", ["AAAA", "ABCD", "AABC"])
+def test_of_one_name_or_one_pair_nobody_can_say(names):
+    assert misnamed(1e3 * np.arange(24.0).reshape(4, 6), np.ones((4, 6)), names, float(FREEDOM)) is None

@@ -1,5 +1,7 @@
 """Type A of pooled runs: closed forms of balanced repeats, coverage by simulation, and what a user can do wrong."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.stats import t as student
@@ -61,3 +63,22 @@ def test_intervals_of_three_mountings_of_three_runs_cover(of_mounting, of_run, m
     assert 0.95 - within < np.mean(covered) <= most + within
     if of_mounting:
         assert np.mean(ignored) < 0.85  # the same runs without the labels: repeats are no remountings
+
+
+@pytest.mark.parametrize("names", [[None] * 4, list("AABB"), THREE_BY_THREE])
+def test_scatter_by_chance_is_no_warning(names):
+    """None or a few of 300 clean pools, of the stated level 0.01; 0.03 is passed by chance once in 500 times."""
+    rng = np.random.default_rng(len(names))
+    warned = [bool(pooled(rng.normal(0, OWN, (len(names), 6)), names)[1].warnings) for _ in range(300)]
+    assert np.mean(warned) <= 0.03
+
+
+def test_scatter_beyond_chance_is_one_warning_that_what_each_mounting_draws_explains(generator):
+    tensors = generator.normal(0, OWN, (9, 6)) + np.repeat(generator.normal(0, 30 * OWN, (3, 6)), 3, axis=0)
+    (runs,), (mountings,) = (pooled(tensors, names)[1].warnings for names in ([None] * 9, THREE_BY_THREE))
+    assert runs.startswith("the runs scatter ")
+    assert "name the mountings" in runs
+    assert mountings.startswith("the mountings scatter ")
+    assert "list it in drawn_by_mounting" in mountings
+    pooling = pooled(tensors, THREE_BY_THREE)[1]
+    assert dataclasses.replace(pooling, from_redrawn_sources=30 * OWN / np.sqrt(3)).warnings == ()

@@ -197,6 +197,34 @@ def test_pooled_runs_are_one_large_problem(brief):
     assert pooled.scatter < 1.6  # 72 squares: the mean square exceeds 2.5 once in a million
 
 
+def test_runs_of_a_mounting_share_what_it_draws(brief):
+    """Three runs of two mountings, each with a turn and a delay of the IMU: against the solution of the whole matrix."""
+    laboratory, rng = joint_studies.own_laboratory(brief), np.random.default_rng(5)
+    calibration, drawn, runs = laboratory.calibration(rng), ("rotation", "delay"), []
+    for name in "ABA":
+        estimated = laboratory.estimate(laboratory.run(rng), calibration, Alignment())
+        runs.append(dataclasses.replace(estimated, run=dataclasses.replace(estimated.run, mounting=name)))
+    shared = tuple(name for name in (*ALIGNED, *CALIBRATED) if name not in drawn)
+    pooled = pool(runs, shared, drawn)
+    root, counted = runs[0].prior.root, runs[0].prior.counted
+    common, mounted = (np.abs(root[indices(names)]).max(axis=0) > 0 for names in (shared, drawn))
+    level = np.where(common, 0, np.where(mounted & ~common, 1, 2))
+    keys = [(at, [0, run.run.mounting, k][level[at]]) for k, run in enumerate(runs) for at in range(len(level))]
+    places = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    whole, right = np.zeros((len(places),) * 2), np.zeros(len(places))
+    for (at, _), place in places.items():
+        whole[place, place] = counted[at]
+    for k, run in enumerate(runs):
+        where = [places[key] for key in keys[k * len(level) : (k + 1) * len(level)]]
+        whole[np.ix_(where, where)] += run.fit.information
+        right[where] += (run.fit.information + np.diag(counted)) @ run.fit.z
+    solution = np.linalg.solve(whole, right)
+    for k, theta in enumerate(pooled.theta):
+        z = solution[[places[key] for key in keys[k * len(level) : (k + 1) * len(level)]]]
+        scale = np.maximum(np.linalg.norm(root, axis=1), 1e-300)
+        np.testing.assert_allclose((theta - runs[k].prior.theta(z)) / scale, 0, atol=1e-7)
+
+
 @pytest.mark.parametrize("sigma_still", [pytest.param(0.0, marks=pytest.mark.study), 3e-3])
 def test_the_bound_of_few_unknowns_is_gauss_markovs(brief, sigma_still):
     """Tensor and the point at rest, all else known: the inverse of the sum over the samples of ``Aᵀ C⁻¹ A``, in NumPy."""

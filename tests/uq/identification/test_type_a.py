@@ -7,7 +7,10 @@ import pytest
 
 from identify.identification import identify
 from identify.signals.run import RunError
+from tests.helpers import laboratory_files
 from tests.helpers.equal_runs import OWN, pooled
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_files import identified_files
 from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
 from uq.cli.main import main
@@ -95,3 +98,41 @@ def test_names_of_mountings_are_checked(short):
     with pytest.raises(RunError, match="simulated T1 does not name its mounting, others do: name one for every run"):
         labelled([run, other], None)
     assert [labelled_run.mounting for labelled_run in labelled([run, other], ("B", "C"))] == ["B", "C"]
+
+
+REMOUNTED = 3e-4
+"""Standard uncertainty of r_CG on each axis, which each mounting draws [m]."""
+
+
+@pytest.fixture(scope="module")
+def remounted():
+    """Two runs of each of three mountings."""
+    shifts = np.random.default_rng([77, 1]).normal(0, REMOUNTED, (3, 3))
+    return [measure(k, seconds=10, drawn=0, mounted=tuple(shifts[k // 2])) for k in range(6)]
+
+
+@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow), "joint"])
+def test_names_of_mountings_are_silent_if_true_and_left_out_if_wrong(tmp_path, few_draws, unjudged, remounted, method):
+    declared = [laboratory_files.source("r_cg", "r_cg", "bias", [REMOUNTED] * 3)]
+
+    def named(names):
+        recording = {"drawn_by_mounting": ["r_cg"]}
+        return identified_files(remounted, tmp_path, method, declared, recording, mountings=names)
+
+    def holds(result):
+        return (np.abs(result.inertia - remounted[0].truth) < np.ptp(result.interval95, axis=1) / 2).all()
+
+    true, wrong, without = named(list("AABBCC")), named(list("ABCABC")), named(None)
+    assert true.warnings == ()
+    assert true.consistency == ()
+    assert holds(true)
+    assert holds(wrong)
+    assert holds(without)
+    if method == "gls":  # whose weights hardly let r_CG act
+        return
+    (text,) = wrong.warnings
+    assert text.startswith("the names of the mountings do not match the scatter: ")
+    assert "they are left out: correct them, or name none" in text
+    np.testing.assert_array_equal(wrong.interval95, without.interval95)
+    assert "name the mountings" in without.warnings[0]
+    assert {run.mounting for run in wrong.runs} == {None}
