@@ -66,7 +66,7 @@ def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief, unjudged):
     """The centre shifted by what an axis of the attitudes does to it, and the run identified anew."""
     whole, _, centre = by_joint
     run = simulate(experiment_of(brief, WHOLE), "T1", trial=0).run
-    (name, effect), times = next(iter(centre.lasting_errors.items())), 20
+    (name, effect), times = next(iter(centre.lasting_errors.items())), 10
     shift = times * effect
     moved = dataclasses.replace(
         centre, mass=centre.mass + shift[0], r_cg=centre.r_cg + shift[1:4],
