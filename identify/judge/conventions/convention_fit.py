@@ -451,8 +451,6 @@ LEAST_SIGNAL = 0.5
 
 Choice: half, where the correction for noise doubles the variance.
 """
-
-
 ZERO_LEVER = 5e-3
 """Lever which, times the weight, is the moment that may be the load cell's zero, as a standard deviation [m].
 
@@ -483,9 +481,8 @@ def fit_centre(sums: ConventionSums) -> CentreFit:
     scale = np.linalg.cholesky(seen + 1e-12 * seen.trace() * np.eye(3))
     whitened = np.linalg.solve(scale, np.linalg.solve(scale, noise).T)
     share, axes = np.linalg.eigh(np.eye(3) - whitened)
-    basis = np.linalg.solve(scale.T, axes)
     determined = share > LEAST_SIGNAL
-    basis, share = basis[:, determined], share[determined]
+    basis, share = np.linalg.solve(scale.T, axes)[:, determined], share[determined]
     r = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ answer)
     spread = (moment + max(float(r @ noise @ r), 0.0)) / sums.instants
     undetermined = np.eye(3)

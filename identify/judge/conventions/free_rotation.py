@@ -6,7 +6,7 @@ One that is no order of the axes is named in words, with its cure.
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -28,19 +28,24 @@ from identify.judge.conventions.axis_hypotheses import (
 from identify.judge.conventions.convention_fit import (
     FORCE,
     FORCE_TERMS,
+    INERTIA_AT,
     MOMENT,
     MOMENT_TERMS,
     MOMENT_TERMS_WITH_WEIGHT,
     NOT_RIGID,
+    WIDTH,
     ConventionSums,
     Matrix,
     Terms,
     Vector,
 )
 from identify.judge.findings import Contradiction, Finding
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential, rotation_vectors
-from identify.rounding import fixed, with_uncertainty
+from identify.rounding import fixed, significant, with_uncertainty
 
+Packed = Float[np.ndarray, "6"]
 BETWEEN = np.radians(35.0)
 """Angle from a signed order of the axes to the grid's points about it [rad].
 
@@ -244,6 +249,38 @@ def small_turn_text(turn: Vector, covariance: Matrix) -> str:
     u = COVERAGE * np.sqrt(np.diag(covariance))
     parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
     return f"({parts}) deg about x, y, z"
+
+
+def rivals_text(imu: str, wrench: str, as_imu: Packed, as_wrench: Packed) -> str:
+    """Return the lines that undo the rotation of either sensor, with what each does to the tensor.
+
+    Args:
+        imu: line that turns the IMU back.
+        wrench: line that turns the load cell back.
+        as_imu: packed tensor with the first line [kg·m²].
+        as_wrench: packed tensor with the second line [kg·m²].
+    """
+    k = int(np.argmax(np.abs(as_imu - as_wrench)))
+    first, second = (f"{significant(GRAM_METRE * tensor[k], 3)} g·m²" for tensor in (as_imu, as_wrench))
+    return (
+        f"one of two lines that fit the run equally: {imu} if the IMU is the rotated sensor ({COMPONENTS[k]} is then "
+        f"about {first}), or {wrench} if the load cell is ({COMPONENTS[k]} is then about {second}),"
+    )
+
+
+def tensor_about_centre(sums: ConventionSums, r_cg: Vector | None) -> Packed:
+    """Return the packed tensor that the moment shows, by least squares [kg·m²].
+
+    Args:
+        sums: of a run.
+        r_cg: centre of gravity from the point where the moment is taken [m]; None: the moment tells it, too.
+    """
+    if r_cg is None:
+        return convention_fit.solve(sums, MOMENT_TERMS, MOMENT, variance=1.0).values[INERTIA_AT]
+    about = np.eye(WIDTH)
+    about[MOMENT, FORCE] = -cross_matrix(r_cg)
+    moved = replace(sums, gram=about @ sums.gram @ about.T)
+    return convention_fit.solve(moved, MOMENT_TERMS[INERTIA_AT.start :], MOMENT, variance=1.0).values[:6]
 
 
 def axes_text(matrix: Float[np.ndarray, "n n"]) -> str:

@@ -43,8 +43,10 @@ from identify.judge.conventions.free_rotation import (
     explains,
     oblique_rotation,
     other_sign,
+    rivals_text,
     rotation_finding,
     small_turn_text,
+    tensor_about_centre,
 )
 from identify.judge.conventions.gravity_findings import AttitudeSignal, run_gravity
 from identify.judge.conventions.imu_conventions import in_free_fall, in_si
@@ -58,6 +60,7 @@ from identify.judge.conventions.removed_weight import (
 )
 from identify.judge.conventions.wrench_units import (
     COSTS,
+    DRAWN,
     FARTHEST,
     body_of_run,
     fits_as_well,
@@ -152,6 +155,11 @@ def _proper(matrix: Matrix) -> bool:
     return float(np.linalg.det(matrix)) > 0
 
 
+def _either_turned(before: ConventionSums, matrix: Matrix) -> dict[str, ConventionSums]:
+    """The sums with a rotation of the wrench's axes undone, by the sensor that is turned."""
+    return {"imu": before.turned(imu=matrix.T), "wrench": before.turned(wrench=matrix)}
+
+
 def _without_moment(sums: ConventionSums) -> ConventionSums:
     """The sums of static poses with a moment that any axes explain: nought, and a noise above the arithmetic's."""
     return replace(sums.scaled(MOMENT, 0.0), noise=(0.0, 1e-6), white=1.0)
@@ -225,7 +233,7 @@ class Examination:
 
     def _axes(self, fits: list[Hypothesis]) -> Iterator[Contradiction]:
         best, matrix = fits[0], fits[0].matrix
-        before, self.sums = self.sums, best.applied(self.sums)
+        self.sums = best.applied(self.sums)
         if best.sensor == "imu":
             yield Finding.IMU_MIRRORED.on(self.imu, axes=axes_text(matrix)[1:-1])
             return
@@ -235,7 +243,7 @@ class Examination:
         if not _proper(matrix):
             yield self._mirrored(fits)
         elif not np.array_equal(matrix, np.eye(3)):
-            yield self._turned_axes(before, [replace(best, matrix=matrix), *fits[1:]])
+            yield self._turned_axes(self.sums.turned(wrench=matrix.T), [replace(best, matrix=matrix), *fits[1:]])
 
     def _sign(self, fits: list[Hypothesis]) -> Contradiction:
         """Return the finding on signals of the other sign: the readings that fit and that no declaration refutes."""
@@ -309,15 +317,15 @@ class Examination:
         if np.array_equal(matrix, -np.eye(3)):
             return ON_SENSOR
         if _proper(matrix):
-            return self._rotation_cure(self.recorded, matrix)[1].rstrip(",")
-        return f"{ON_SENSOR} and {self._rotation_cure(self.recorded, -matrix)[1].rstrip(',')}"
+            return self._rotation_cure(self.recorded, matrix).rstrip(",")
+        return f"{ON_SENSOR} and {self._rotation_cure(self.recorded, -matrix).rstrip(',')}"
 
     def _mirrored(self, fits: list[Hypothesis]) -> Contradiction:
         """Return the finding on axes that are left-handed, or turned and reversed."""
         turn = -fits[0].matrix
         # a left-handed cell is one reversed and turned by half a turn; any other turn may be the IMU's
         cell = f"wrench_rotation_to_body = {axes_text(turn @ self.declared.wrench_rotation)}"
-        lines = cell if np.allclose(turn, turn.T) else self._rotation_cure(self.recorded, turn)[1].rstrip(",")
+        lines = cell if np.allclose(turn, turn.T) else self._rotation_cure(self.recorded, turn).rstrip(",")
         doubt = self._rivals(fits[1:])
         if self.upside_down is not None and self.declared.measured:
             imu = "; or the accelerometer's axes are left-handed, or its sign is reversed and its axes turned"
@@ -331,41 +339,48 @@ class Examination:
     def _rotated(self, rotation: FreeRotation, doubt: str = "") -> Contradiction:
         """Any rotation, and what is reversed besides; ``doubt``: what fits as well."""
         before, undone = rotation.reversed.applied(self.sums), rotation.matrix.T
-        sensor, cure = self._rotation_cure(before, undone)
-        self.sums = before.turned(wrench=undone) if sensor == "wrench" else before.turned(imu=rotation.matrix)
-        return rotation_finding(rotation, self._topic(sensor), cure, doubt)
+        return rotation_finding(rotation, *self._turned_back(before, undone), doubt)
 
-    def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
-        """The sensor that is turned, where that is decided, and the line or lines that undo it."""
-        cell = f"wrench_rotation_to_body = {axes_text(matrix @ self.declared.wrench_rotation)}"
-        imu = f"imu_rotation_to_body = {axes_text(matrix.T @ self.declared.imu_rotation)}"
-        sensor = self._turned_sensor(before, matrix)
-        cure = {"wrench": cell, "imu": imu}.get(sensor, f"{imu} if the IMU is the rotated one, otherwise {cell},")
-        return sensor, cure
+    def _turned_back(self, before: ConventionSums, matrix: Matrix) -> tuple[str, str]:
+        """Turn back the sensor that is turned, as far as known; return its topic, and the line or lines that do it."""
+        turned = _either_turned(before, matrix)
+        likelier, certain = self._turned_sensor(turned)
+        self.sums = turned[likelier]
+        if certain or self.upside_down is not None:
+            return (self.wrench if likelier == "wrench" else self.imu), self._rotation_cure(before, matrix)
+        as_imu, as_wrench = (tensor_about_centre(turned[sensor], self.declared.r_cg) for sensor in ("imu", "wrench"))
+        lines = self._rotation_lines(matrix)
+        return self.imu, rivals_text(lines["imu"], lines["wrench"], as_imu, as_wrench)
 
-    def _topic(self, sensor: str) -> str:
-        return self.wrench if sensor == "wrench" else self.imu
+    def _rotation_cure(self, before: ConventionSums, matrix: Matrix) -> str:
+        """The line that undoes a rotation, or the two lines where either sensor may be turned."""
+        sensor, certain = self._turned_sensor(_either_turned(before, matrix))
+        lines = self._rotation_lines(matrix)
+        either = f"{lines['imu']} if the IMU is the rotated one, otherwise {lines['wrench']},"
+        return lines[sensor] if certain else either
+
+    def _rotation_lines(self, matrix: Matrix) -> dict[str, str]:
+        """The line that undoes a rotation, by the sensor that is turned."""
+        return {
+            "imu": f"imu_rotation_to_body = {axes_text(matrix.T @ self.declared.imu_rotation)}",
+            "wrench": f"wrench_rotation_to_body = {axes_text(matrix @ self.declared.wrench_rotation)}",
+        }
+
+    def _turned_sensor(self, turned: dict[str, ConventionSums]) -> tuple[str, bool]:
+        """The sensor that is likelier turned, and whether the declared centre of gravity decides."""
+        misfits = {sensor: self._shift(sums, drawn=DRAWN)[1] for sensor, sums in turned.items()}
+        likelier, other = sorted(misfits, key=misfits.__getitem__)
+        return likelier, misfits[other] - misfits[likelier] > DECISIVE / 2
 
     def _turned_axes(self, before: ConventionSums, fits: list[Hypothesis]) -> Contradiction:
         matrix = fits[0].matrix
-        sensor, cure = self._rotation_cure(before, matrix)
+        topic, cure = self._turned_back(before, matrix)
         rivals = [fit for fit in fits[1:4] if fit.sensor == "wrench" and not np.allclose(abs(fit.matrix), abs(matrix))]
         others = [axes_text(fit.matrix.T)[1:-1] for fit in rivals]
         doubt = f"; ({'), ('.join(others)}) fit as well" if others else ""
         if self.upside_down is not None:
             doubt = self._rivals(fits[1:])
-        axes = axes_text(matrix.T)[1:-1]
-        return Finding.OTHER_AXES.on(self._topic(sensor), axes=axes, doubt=doubt, lines=cure)
-
-    def _turned_sensor(self, before: ConventionSums, matrix: Matrix) -> str:
-        """Return the sensor that is turned, by the declared centre of gravity; '' where that does not decide."""
-        if self.declared.r_cg is None:
-            return ""
-        _, as_wrench = self._shift(before.turned(wrench=matrix))
-        _, as_imu = self._shift(before.turned(imu=matrix.T))
-        if abs(as_wrench - as_imu) < DECISIVE / 2:
-            return ""
-        return "wrench" if as_wrench < as_imu else "imu"
+        return Finding.OTHER_AXES.on(topic, axes=axes_text(matrix.T)[1:-1], doubt=doubt, lines=cure)
 
     # Weight
 
@@ -411,24 +426,24 @@ class Examination:
     def _turned(self, given: Scales) -> Iterator[Contradiction]:
         turn, certainty, covariance = misalignment(self.sums, given)
         if certainty > CERTAIN_SHIFT and float(np.linalg.norm(turn)) > LEAST_TURN:
-            before, rotation = self.sums, exponential(turn)
-            sensor, cure = self._rotation_cure(before, rotation.T)
-            self.sums = before.turned(wrench=rotation.T) if sensor == "wrench" else before.turned(imu=rotation)
+            topic, cure = self._turned_back(self.sums, exponential(turn).T)
             both = covariance + np.diag(self.declared.turn**2)
             if turn @ np.linalg.solve(both, turn) > CERTAIN_SHIFT:
                 vector = small_turn_text(turn, covariance)
-                yield Finding.TURNED_A_LITTLE.on(self._topic(sensor), turn=vector, lines=cure)
+                yield Finding.TURNED_A_LITTLE.on(topic, turn=vector, lines=cure)
 
-    def _shift(self, sums: ConventionSums, *, mirrored: bool = False) -> tuple[Vector, float]:
+    def _shift(self, sums: ConventionSums, *, mirrored: bool = False, drawn: float = 1e-3) -> tuple[Vector, float]:
         """Return the shift from the centre of gravity that some sums show to the declared one [m], its chi-square.
 
-        ``mirrored``: from that on the other side of the moment's point.
+        ``mirrored``: from that on the other side of the moment's point. ``drawn``: standard deviation of the declared
+        one, beside the stated [m].
         """
-        assert self.declared.r_cg is not None  # noqa: S101
+        if self.declared.r_cg is None:
+            return np.zeros(3), 0.0
         r = 2 * self.declared.wrench_point - sums.centre.r if mirrored else sums.centre.r
         shift = self.declared.r_cg - r
         shift = shift - sums.centre.undetermined @ shift
-        covariance = sums.centre.covariance + np.diag(self.declared.sigma_r_cg**2) + 1e-6 * np.eye(3)
+        covariance = sums.centre.covariance + np.diag(self.declared.sigma_r_cg**2) + drawn**2 * np.eye(3)
         return shift, float(shift @ np.linalg.solve(covariance, shift))
 
     def _point(self) -> Iterator[Contradiction]:

@@ -91,6 +91,43 @@ def test_the_cure_heals_the_tensor(tmp_path, angle):
     assert after < 1e-3
 
 
+@pytest.mark.parametrize(
+    ("turned", "key"), [("cell_turn", "wrench_rotation_to_body"), ("imu_turn", "imu_rotation_to_body")]
+)
+def test_of_two_lines_that_fit_equally_each_says_what_it_does_to_the_tensor(tmp_path, turned, key):
+    """One degree about z: the data fit either sensor. The true one leads to the truth, each to the I12 that it tells."""
+    measured = measure(3, **{turned: (0.0, 0.0, np.radians(1.0))})
+    path, content = write(tmp_path / "run.mcap", measured), document(measured)
+    (finding,) = judged(path, content)
+    says = {
+        "imu_rotation_to_body": r"if the IMU is the rotated sensor \(I12 is then about (\S+) g",
+        "wrench_rotation_to_body": r"if the load cell is \(I12 is then about (\S+) g",
+    }
+    for name, pattern in says.items():
+        for method in ("source", "gls")[: 1 + (name == key)]:
+            obeyed = declared(content, {name: told(finding.text, name), "method": method})
+            result = identify_files([path], Experiment.from_dict(obeyed))
+            stated = float(re.search(pattern, finding.text)[1].replace("−", "-"))
+            assert 1e3 * result.inertia[1] == pytest.approx(stated, abs=0.1)
+            assert not [text for text in result.warnings if "rotat" in text]
+            if name == key:
+                half = np.ptp(result.interval95, axis=1) / 2
+                assert (np.abs(result.inertia - measured.truth) < 2 * half).all()
+                assert 1e3 * measured.truth[1] == pytest.approx(stated, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("error", "angle", "axis"),
+    [((0.0002, -0.008, -0.0009), 8.1, (-0.87, 0.12, -0.48)), ((0.0038, 0.008, 0.003), 10.9, (0.52, -0.58, -0.63))],
+)
+def test_a_drawing_of_the_centre_does_not_decide_which_sensor_is_turned(tmp_path, error, angle, axis):
+    """Declared centres that are millimetres off: the line of the turned load cell stands beside that of the IMU."""
+    turn = np.radians(angle) * np.array(axis) / np.linalg.norm(axis)
+    measured = measure(1, seconds=12, r_cg_error=error, cell_turn=tuple(turn))
+    texts = [finding.text for finding in judged(write(tmp_path / "run.mcap", measured), document(measured))]
+    assert "wrench_rotation_to_body" in texts[0]
+
+
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.study) for k in range(2, 6))])
 def test_of_the_laboratorys_clean_runs_nothing_is_said(tmp_path, seed):
     measured = measure(seed, seconds=20)
