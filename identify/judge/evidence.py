@@ -269,7 +269,7 @@ def evidence(
     spread = (products(scores, scores) + basis.T @ by_prior @ basis) / np.outer(values[good], values[good])
     weight, count = moving_average(taken, base.width), len(along)
     shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
-    mixture = _mixture(along, spread, float(free.sum()))
+    mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     wald = float(along @ np.linalg.solve(spread, along))
     rest = shown - count + 1
     chance = float(scipy.special.fdtrc(count, rest, wald * rest / (shown * count)))
@@ -296,12 +296,12 @@ class _Posterior(NamedTuple):
 def _mixture(along: np.ndarray, spread: np.ndarray, freedom: float) -> _Posterior:
     """Posterior of coefficients with a least-squares estimate, under the mixture of priors; its Bayes factor."""
     count, unit = len(along), np.eye(len(along))
-    alone = float(along @ np.linalg.solve(spread, along))
+    alone = max(float(along @ np.linalg.solve(spread, along)), 0.0)
     means, covariances, factors, tails = [], [], [], []
     for scale in SCALES:
         total = scale**2 * unit + spread
         weighed = np.linalg.solve(total, along)
-        square = float(along @ weighed)
+        square = max(float(along @ weighed), 0.0)
         determinants = np.linalg.slogdet(spread)[1] - np.linalg.slogdet(total)[1]
         # Student's t for the normal distribution, since the noise is known from so many residuals alone
         gained = freedom / 2 * (np.log1p(alone / freedom) - np.log1p(square / freedom))

@@ -191,7 +191,8 @@ class JudgedRuns:
     @cached_property
     def u(self) -> Float[np.ndarray, "6"]:
         """Standard uncertainty of the tensor without the judge's findings [kg·m²]; 0 where it is not determined."""
-        return np.nan_to_num(self.result.standard_uncertainty)
+        u = self.result.standard_uncertainty
+        return np.where(np.isfinite(u), u, 0.0)
 
     @cached_property
     def exact(self) -> dict[Finding, str]:

@@ -212,9 +212,9 @@ def _covariance(
 
 
 def tensor_change(
-    fits: Sequence[RunFit], weights: Sequence[float], added: Sequence[Columns], *, offsets: bool = True
+    fits: Sequence[RunFit], weights: Sequence[float], added: Sequence[np.ndarray], *, offsets: bool = True
 ) -> Float[np.ndarray, "6 p"]:
-    """Return the change of the tensor of (10) by columns that are added to the wrench of each run.
+    """Return the change of the tensor of (10) by columns (n, 6, p) that are added to the wrench of each run.
 
     The force counts as measured: least squares fit the moment about r_CG, less its mean where offsets are estimated.
     """

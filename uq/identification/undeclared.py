@@ -100,7 +100,8 @@ def noted(result: Identification) -> Identification:
     consistency = []
     for cause in result.consistency:
         # a shift counts as a standard uncertainty, and what it explains widens what the residuals show
-        added = 4 * np.square(cause.changes or np.inf) + cause.share * half**2
+        seen = np.where(np.isfinite(half), half, 0.0)
+        added = 4 * np.square(cause.changes or np.inf) + cause.share * seen**2
         allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * wide_half**2, 4 * wide_half**2)
         consistency.append(cause._replace(note=bool((added <= allowed).all())))
     notes = {cause.text for cause in consistency if cause.note}

@@ -4,10 +4,9 @@ With specific force f, attitude R from B to axes at rest, a lever's part L b and
 
     F = m f + Rᵀ p + L b + F0(t)
 
-p is zero where all is as declared. Weight that a driver removed, gravity along other axes than declared and one that is
-upside down are each a vector p of their own; a wrench along axes at rest fits only when R turns it back, an attitude
-that was written the other way only when it is inverted. So one fit for each reading of the recording tells them; what
-fits as well as the best is told beside it. The zero of a recorded run may drift: its slow changes are no weight.
+p is zero where all is as declared. Weight that a driver removed and gravity along other axes are each a vector p of
+their own; a wrench along axes at rest fits only when R turns it back, an attitude written the other way only inverted.
+Each reading of the recording has a fit; what fits as well as the best is told beside it. A run's zero may drift.
 """
 
 from collections.abc import Callable
