@@ -27,7 +27,11 @@ class Quantity(NamedTuple):
 
 QUANTITIES = {
     "rotation": Quantity("rotation vector of the IMU", 180 / np.pi, "°", "check the frames of load cell and IMU"),
-    "mass": Quantity("mass", 1.0, "kg", "check the load cell's gain and the accelerometer's place (imu_position)"),
+    "mass": Quantity(
+        "mass", 1.0, "kg",
+        "check the load cell's gain, platform.gravity, the accelerometer's place (imu_position), and what else the "
+        "load cell carries ([fixture])",
+    ),
     "r_cg": Quantity("centre of gravity", 1e3, "mm", "check r_cg_from_q, and the load cell's zero and gain"),
     "force_offset": Quantity("zero of the force", 1.0, "N", "check that the load cell was not tared between runs"),
     "moment_offset": Quantity("zero of the moment", 1.0, "N·m", "check that the load cell was not tared between runs"),

@@ -190,6 +190,12 @@ def _mass(run: PredictedWrench) -> Made:
     return run.derivative("mass"), TYPICAL["mass"] * np.abs(run.x["mass"])
 
 
+def _weight(run: PredictedWrench) -> Made:
+    """A force along the vertical at the centre of gravity, where the accelerometer tells inertia from weight."""
+    up = run.signals.up[:, :, None] * (run.force_from == "accelerometer")
+    return np.concatenate([up, cross_matrix(run.x["r_cg"]) @ up], axis=1), 0.01 * np.abs(run.x["mass"]) * run.gravity
+
+
 UNKNOWNS = {
     Finding.DELAY: "delay", Finding.ROTATION: "rotation", Finding.MASS: "mass", Finding.CENTRE: "r_cg",
     Finding.STILL_MISSED: "cg_from_still",
@@ -200,6 +206,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.ROTATION: _unknown(("rotation", TYPICAL["load_cell_axes"])),
     Finding.CENTRE: _unknown(("r_cg", TYPICAL["centre_of_gravity"])),
     Finding.MASS: _mass,
+    Finding.WEIGHT_ALONE: _weight,
     Finding.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
     Finding.GYRO_SCALE: _unknown(("gyro_scale", TYPICAL["gyro_scale"])),
     Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
@@ -238,7 +245,7 @@ OF_A_ZERO = frozenset({Finding.DRIFT, Finding.WARMING, Finding.JUMP})
 CHANCE = 1e-4
 """Chance that residuals follow one cause by accident, above which nothing is reported.
 
-Chance: as computed, some 25 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
+Chance: as computed, some 26 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
 reach 6e-6 (``tests.helpers.judge_margins``).
 """
 LIKELY = 3.0

@@ -90,10 +90,14 @@ class Finding(Enum):
     DELAY = "delay", "the angular velocity lagged by {}", "declare the delay" + ESTIMATED, _all(1e3, "ms")
     ROTATION = (
         "rotation", "the IMU were rotated against the load cell by {}",
-        "correct imu_rotation_to_body or wrench_rotation_to_body", _all(180 / np.pi, "deg")
+        "correct imu_rotation_to_body", _all(180 / np.pi, "deg")
     )  # fmt: skip
     CENTRE = "centre of gravity", "r_CG were off by {}", "correct r_cg_from_q, or record static poses", _all(-1e3, "mm")
-    MASS = "mass", "the mass were off by {}", "weigh the body, or check the force's gain", _all(-1.0, "kg")
+    MASS = "mass", "the mass were off by {}", "weigh the body", _all(-1.0, "kg")
+    WEIGHT_ALONE = (
+        "weight", "the weight alone, not the inertia, were off by {}",
+        "air or a cable that lifts it? methods source and gls take the force as it is", _all(-1.0, "N")
+    )  # fmt: skip
     STILL_MISSED = (
         "still missed", "the centre of gravity were off the point at rest by {}",
         "declare r_cg_from_omb with its uncertainty", _all(1e3, "mm")
@@ -275,7 +279,8 @@ class Finding(Enum):
     )  # fmt: skip
     WEIGHT_OF_ANOTHER_MASS = (
         "mass", "the force is the weight of {weighs} kg, the declared mass is {stated} kg",
-        "correct body.mass, force_unit or the load cell's calibration; or the driver removed another payload's "
+        "correct body.mass, force_unit or the load cell's calibration; or state what else the load cell carries in "
+        "[fixture] and in body.mass; or the driver removed another payload's "
         "weight: state payload_mass and payload_r_cg_from_q"
     )  # fmt: skip
     CHANGED_MASS = (

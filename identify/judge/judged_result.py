@@ -20,6 +20,7 @@ from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
 from identify.judge.held_errors import GYRO, by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
 from identify.judge.resonance import lines_of, resonance, saturated
+from identify.judge.rivals import JudgedWay, effect, rivals_text
 from identify.judge.run_fit import (
     DIFFERENT,
     RunFit,
@@ -79,24 +80,26 @@ def judged(result: Identification, problem: Problem) -> Identification:
     fits = [fits_of(run, result, problem) for run in problem.runs]
     joined = examined(fits, result, problem)
     if joined is None:
-        found, exact_errors = (
+        found, errors = (
             merged([Contribution(one) for run in problem.runs for one in saturated(run)], len(fits)),
             [],
         )
     else:
-        found, exact_errors = joined.contributions(), joined.exact_errors
+        found, errors = joined.contributions(), joined.errors_of_force
     verdicts = [one.finding for one in found]
     candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
     estimator_fits = [fit for fit in candidates if fit]
     held = by_held_errors(result, problem, estimator_fits) if len(estimator_fits) == len(problem.runs) else None
-    departing = held_errors.departing_declarations(problem, estimator_fits, exact_errors)
+    departing = held_errors.departing_declarations(problem, estimator_fits, errors)
     if result.method != "joint":
         declarations += departing
-    elif exact_errors:  # an exact quantity that is off has moved the other of the two in the joint estimate
+    elif errors:  # an exact quantity that is off has moved the other of the two in the joint estimate
         open_to = {"mass", "r_cg"} - {record.quantity for record in departing}
         explained = [record.text for record in declarations if record.quantity in open_to]
         declarations = [record for record in declarations if record.quantity not in open_to]
-    declarations += (held_errors.exact_declaration(cause, problem) for cause in exact_errors)
+    exact = held_errors.exact_quantities(problem)
+    blamed = (cause for cause in errors if cause.candidate.finding in exact)
+    declarations += (held_errors.exact_declaration(cause, problem) for cause in blamed)
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
     with_causes = replace(
@@ -176,10 +179,12 @@ class JudgedRuns:
     """Weight of each run in the pooled tensor."""
     fits: Sequence[RunFit]
     """Fit of each run, by the first way to have its specific force."""
-    last: tuple[Sequence[RunFit], Base]
-    """Fits by the last way, and their unknowns."""
+    last: JudgedWay
+    """The last way."""
     named: Mapping[Finding, Sequence[FollowedCause]]
     """Causes by finding, where each shows most first."""
+    ways: Mapping[Finding, JudgedWay]
+    """Last way whose judgement names each cause."""
     judgement: Judgement
     """Judgement by the way that leaves the least unexplained."""
 
@@ -200,9 +205,10 @@ class JudgedRuns:
         return held_errors.exact_quantities(self.problem)
 
     @property
-    def exact_errors(self) -> list[FollowedCause]:
-        """Errors of exact quantities that have no rival."""
-        return [causes[0] for finding, causes in self.named.items() if finding in self.exact and not causes[0].rivals]
+    def errors_of_force(self) -> list[FollowedCause]:
+        """Errors of exact quantities, or of the weight, that have no rival."""
+        blamed = {*self.exact, Finding.WEIGHT_ALONE}
+        return [causes[0] for finding, causes in self.named.items() if finding in blamed and not causes[0].rivals]
 
     def contributions(self) -> list[Contribution]:
         """Return all findings, the most important first."""
@@ -237,18 +243,19 @@ class JudgedRuns:
         changes = np.sum([by @ evidence.coefficients for by, evidence in pairs], axis=0)
         if finding in self.exact:  # which the result keeps, though it errs
             changes[{"mass": slice(0, 1), "r_cg": slice(1, 4)}[self.exact[finding]]] = causes[0].evidence.values
-        worst, moved = self.largest(changes[4:])
+        _, moved = self.largest(changes[4:])
         small = moved < MATTERS and causes[0].evidence.share < WIDENS
         if small and max(self.judgement.unexplained) < UNEXPLAINED and finding not in self.exact:
             return []
         leading, names = causes[0].evidence, [run.name for run in self.runs]
         where = [names[cause.candidate.run] for cause in causes if cause.candidate.run is not None] or names
-        moves = f"; it would shift {COMPONENTS[worst]} by {signed(GRAM_METRE * changes[4 + worst])} g·m²"
+        others = rivals_text(self.result, self.weights, self.ways[finding], leading)
+        moves = f"; {effect(changes[4:], self.u)}" if moved > ROUNDING or others else ""
         sentence = causes[0].sentence(self.fits[0].prediction.quantity)
         verdict = finding.verdict(
             ", ".join(where), axis=f"b{1 + int(np.argmax((leading.explained**2).sum(axis=0)[-3:]))}",
             share=leading.share, changes=tuple(changes.tolist()),
-            text=f"{named_runs(where, self.count)}: {sentence}{moves if moved > ROUNDING else ''}",
+            text=f"{named_runs(where, self.count)}: {sentence}{moves}{others}",
         )  # fmt: skip
         uncertain = [by[4:] @ root_of(evidence.covariance) for by, evidence in pairs]
         return [Contribution(verdict, np.hstack([changes[4:, None], *uncertain]))]
@@ -304,13 +311,17 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     by_way = [{fit.prediction.force_from: fit for fit in reversed(fits[number])} for number in numbers]
     common = [way for way in by_way[0] if all(way in ways for ways in by_way)]
     together = [[ways[way] for ways in by_way] for way in reversed(common)] or [[fits[number][0] for number in numbers]]
-    bases = [_base(way, problem) for way in together]
+    ways = [JudgedWay(way, _base(way, problem)) for way in together]
     excluded = _excluded(problem, result, runs)
-    judgements = [followed(way, excluded, base) for way, base in zip(together, bases, strict=True)]
+    judgements = [followed(way.fits, excluded, way.base) for way in ways]
     return JudgedRuns(
         result=result, problem=problem, runs=runs, weights=[result.runs[number].weight for number in numbers],
-        fits=[fits[number][0] for number in numbers], last=(together[-1], bases[-1]),
+        fits=[fits[number][0] for number in numbers], last=ways[-1],
         named=_named_once(judgements, result),
+        ways={
+            cause.candidate.finding: way
+            for way, judgement in zip(ways, judgements, strict=True) for cause in judgement.causes
+        },
         judgement=min(judgements, key=lambda judgement: max(judgement.unexplained)),
     )  # fmt: skip
 
@@ -384,6 +395,8 @@ def unexplained_once(found: Sequence[Contribution]) -> list[Contribution]:
 def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, list[FollowedCause]]:
     """Causes of the first judgement that names any which can err in the result; the run where each shows most first."""
     others = ACCELEROMETER_CAUSES if result.method != "joint" else ()
+    if any(cause.candidate.finding is Finding.WEIGHT_ALONE for cause in judgements[-1].causes):
+        judgements = judgements[-1:]  # the accelerometer tells it from the mass, a point at rest does not
     for judgement in judgements:
         named: dict[Finding, list[FollowedCause]] = {}
         for cause in judgement.causes:
