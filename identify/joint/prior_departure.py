@@ -35,8 +35,14 @@ QUANTITIES = {
     "r_cg": Quantity("centre of gravity", 1e3, "mm", "check r_cg_from_q, and the load cell's zero and gain"),
     "force_offset": Quantity("zero of the force", 1.0, "N", "check that the load cell was not tared between runs"),
     "moment_offset": Quantity("zero of the moment", 1.0, "N·m", "check that the load cell was not tared between runs"),
-    "gyro_bias": Quantity("zero of the gyro", 1e3, "mrad/s", "check its unit, or declare sigma_gyro_bias wider"),
-    "delay": Quantity("delay", 1e3, "ms", "check the clocks, or declare the delay"),
+    "gyro_bias": Quantity(
+        "zero of the gyro", 1e3, "mrad/s",
+        "check its unit, declare sigma_gyro_bias wider, or accelerometer_delay if the accelerometer lags behind it",
+    ),
+    "delay": Quantity(
+        "delay", 1e3, "ms",
+        "check the clocks, declare the delay, or accelerometer_delay if the accelerometer lags behind the gyro",
+    ),
     "accelerometer_bias": Quantity(
         "zero of the accelerometer", 1.0, "m/s²", "check its place (imu_position), its scale and its axes"
     ),

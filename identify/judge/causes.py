@@ -124,6 +124,13 @@ def accelerometer_scale(run: PredictedWrench) -> np.ndarray:
     return _carried(run, -run.wrench[:, :3, None] * np.eye(3))
 
 
+def _accelerometer_late(run: PredictedWrench) -> Made:
+    """An accelerometer whose samples are older than the gyro's."""
+    reads = run.force_from == "accelerometer"
+    slope = run.signals.accelerometer_slope if reads else np.zeros_like(run.signals.omega)
+    return _carried(run, run.x["mass"] * slope[:, :, None]), np.array([0.005])
+
+
 def gyro_axes(run: PredictedWrench) -> Float[np.ndarray, "n 6 3"]:
     """Return what a gyro turned by a radian against the accelerometer adds; without one it is the IMU that turns."""
     omega, alpha = -run.signals.spin, -cross_matrices(run.signals.alpha)
@@ -226,6 +233,7 @@ SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
     Finding.TENSOR: _wrench(_moving, 0.01),
     Finding.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, TYPICAL["accelerometer_place"])),
     Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, TYPICAL["accelerometer_scale"])),
+    Finding.ACCELEROMETER_LATE: _accelerometer_late,
     Finding.CLOCK: _clock,
     Finding.FILTER: _wrench(_late, 0.02),
     Finding.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
@@ -245,7 +253,7 @@ OF_A_ZERO = frozenset({Finding.DRIFT, Finding.WARMING, Finding.JUMP})
 CHANCE = 1e-4
 """Chance that residuals follow one cause by accident, above which nothing is reported.
 
-Chance: as computed, some 26 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
+Chance: as computed, some 27 causes together reach it in one clean run of 400. ``LIKELY`` is stricter: 40 clean runs
 reach 6e-6 (``tests.helpers.judge_margins``).
 """
 LIKELY = 3.0

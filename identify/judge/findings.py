@@ -144,6 +144,14 @@ class Finding(Enum):
     ACCELEROMETER_SCALE = (
         "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", _all(-100.0, "%")
     )  # fmt: skip
+    ACCELEROMETER_LATE = (
+        "accelerometer delay", "the accelerometer lagged behind the gyro by {}",
+        "set accelerometer_delay in [recording], or give both the same filter", _all(1e3, "ms")
+    )  # fmt: skip
+    ACCELEROMETER_DELAYED = (
+        "accelerometer delay", "force and gyro fit only an accelerometer that lags behind them by {delay} ms",
+        'set accelerometer_delay = "{delay} ms" in [recording], or give both the same filter'
+    )  # fmt: skip
     CLOCKS_APART = (
         "clock", "by the log's times the stamps of the motion are {offset} s {early} against the wrench's{doubt}",
         'two computers? set time = "log" in [recording]{lines}'
@@ -217,6 +225,12 @@ class Finding(Enum):
     RATE_AXES = (
         "turned", "the axes of angular velocity and attitude differ by a rotation of {angle} deg about ({about})",
         "two sensors? use one of them: import without the columns of the other, or record the attitude as poses"
+    )  # fmt: skip
+    EULER_RATES = (
+        "euler rates",
+        "the channels of the angular velocity hold the rates of Euler angles (turned axes {order}), not the angular "
+        "velocity in the body's axes",
+        "import the attitude in their place (columns.quaternion of a map){formula}"
     )  # fmt: skip
     IMU_MIRRORED = "mirror", "the IMU's axes are left-handed: only ({axes}) of them fit the wrench", CHANNELS
     IMU_MIRRORED_AND_TURNED = (

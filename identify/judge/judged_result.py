@@ -61,7 +61,7 @@ LISTED = 4
 
 Choice: what fits a line; ``result.json`` has all.
 """
-ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE})
+ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE, Finding.ACCELEROMETER_LATE})
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -252,9 +252,11 @@ class JudgedRuns:
         others = rivals_text(self.result, self.weights, self.ways[finding], leading)
         moves = f"; {effect(changes[4:], self.u)}" if moved > ROUNDING or others else ""
         sentence = causes[0].sentence(self.fits[0].prediction.quantity)
+        departs = bool(self.result.declarations)  # of which a delay of the accelerometer is the cause, and then no note
         verdict = finding.verdict(
             ", ".join(where), axis=f"b{1 + int(np.argmax((leading.explained**2).sum(axis=0)[-3:]))}",
-            share=leading.share, changes=tuple(changes.tolist()),
+            share=leading.share,
+            changes=() if departs and finding is Finding.ACCELEROMETER_LATE else tuple(changes.tolist()),
             text=f"{named_runs(where, self.count)}: {sentence}{moves}{others}",
         )  # fmt: skip
         uncertain = [by[4:] @ root_of(evidence.covariance) for by, evidence in pairs]

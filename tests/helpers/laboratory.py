@@ -154,6 +154,8 @@ class Setup:
     """Delay of slow signals by a second-order Butterworth before the load cell's sampling [s]."""
     imu_filter: float = 0.0
     """The same of the IMU."""
+    accelerometer_filter: float = 0.0
+    """The same of the accelerometer alone, beside it."""
     cell_step: tuple = ZERO6
     """Resolution of the load cell's numbers."""
     imu_step: tuple = ZERO6
@@ -209,6 +211,7 @@ def measure(seed=0, setup=None, **options) -> Measured:
     imu = imu_signals(setup, seen)
     t = np.arange(round(setup.seconds * setup.rate) + 1) / setup.rate
     wrench, imu = behind_filter(wrench, setup.cell_filter), behind_filter(imu, setup.imu_filter)
+    imu[:, 3:] = behind_filter(imu[:, 3:], setup.accelerometer_filter)
     wrench = cell_reading(setup, wrench[:: FINE // setup.rate], t)
     taken = t * (1 + setup.imu_clock) - setup.imu_delay
     axes = [at(base.t, imu[:, [axis]], taken - late) for axis, late in enumerate(setup.gyro_axis_delay)]

@@ -28,7 +28,8 @@ from scipy.spatial.transform import Rotation
 
 from identify.judge.findings import Finding
 from identify.rounding import significant
-from tests.helpers.laboratory import Measured, measure
+from tests.helpers.laboratory import FINE, Measured, measure
+from tests.helpers.laboratory_mechanics import base_angles, base_motion
 from tests.helpers.trouble_study import CLEAN, FIRST, begin, rows_in, said
 from tests.helpers.troubles import TROUBLES, size_for
 
@@ -92,6 +93,20 @@ def _force_late(measured: Measured, delay: float) -> Measured:
     return replace(measured, force=np.stack(late, axis=1))
 
 
+def _accelerometer_late(measured: Measured, delay: float) -> Measured:
+    late = [np.interp(measured.t_imu - delay, measured.t_imu, values) for values in measured.acceleration.T]
+    return replace(measured, acceleration=np.stack(late, axis=1))
+
+
+def _euler_rates(measured: Measured, swing: float) -> Measured:
+    """The rates of roll, pitch and yaw for the angular velocity, of a motion of so many times the usual angles."""
+    setup, every = replace(measured.setup, swing=(swing,) * 3), FINE // measured.setup.rate
+    run = measure(measured.seed, setup)
+    t = np.arange(round(setup.seconds * FINE) + 1) / FINE
+    rates = base_angles(t, setup.seconds, swing=setup.swing)[1][::every, ::-1]
+    return replace(run, omega=run.omega + rates - base_motion(setup).omega[::every])
+
+
 EYE, SWAP, CYCLE = np.eye(3), np.eye(3)[[1, 0, 2]], np.eye(3)[[1, 2, 0]]
 CURVES = {
     "delay": Curve("delay"),
@@ -114,6 +129,9 @@ CURVES = {
     "flexible mounting": Curve("flexible mounting"),
     "accelerometer place": Curve("accelerometer place", (1e-3, 3e-3, 0.01, 0.03), "joint"),
     "accelerometer scale": Curve("accelerometer scale", (1e-3, 3e-3, 0.01, 0.03), "joint"),
+    "accelerometer delay": Curve(
+        "accelerometer late", (1e-4, 1e-3, 0.01, 0.03), "joint", "s", _accelerometer_late
+    ),
     "clock": Curve("clock", (1e-5, 3e-5, 1e-4, 3e-4), "joint"),
     "filter": Curve("force alone late", (1e-4, 3e-4, 1e-3, 3e-3), "source", "s", _force_late),
     "nonlinearity": Curve("nonlinearity"),
@@ -124,6 +142,9 @@ CURVES = {
     "unit": Curve("moment in N·mm", (1e3,), CONVENTIONS, "", lambda run, size: _wrench(run, EYE, size * EYE)),
     "sign": Curve("wrench reversed", (1.0,), CONVENTIONS, "", lambda run, size: _wrench(run, -EYE, -EYE)),
     "axes": Curve("IMU's axes in another order", (1.0,), CONVENTIONS, "", lambda run, size: _imu(run, CYCLE, CYCLE)),
+    "euler rates": Curve(
+        "gyro channels that hold the rates of Euler angles", (0.5, 1.0, 2.0), CONVENTIONS, "times 0.3 rad", _euler_rates
+    ),
     "mirror": Curve("IMU left-handed", (1.0,), CONVENTIONS, "", lambda run, size: _imu(run, SWAP, SWAP)),
     "turned": Curve("IMU turned", (0.3, 1.0, 3.0, 30.0), CONVENTIONS, "deg", _turned),
     "weight": Curve("missing from mean force and moment", (0.3, 0.5, 0.7, 1.0), CONVENTIONS, "of the weight", _lighter),

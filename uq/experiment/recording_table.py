@@ -119,6 +119,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Direction of the accelerometer's reading at rest: up (specific force), or down (its negative)."""
     imu_position: Point | None = None
     """Position of the accelerometer from Q, in B [m]."""
+    accelerometer_delay: Annotated[float, in_unit("s")] | None = None
+    """Delay of the accelerometer beside the gyro, as by a filter of a lower frequency: time by which its samples are
+    older than the gyro's of the same stamp [s]."""
     offsets: Literal["estimate", "still", "none"] = "estimate"
     """Constant offsets of force and moment: estimated along with the tensor, taken from still segments, or none."""
     zero: Literal["empty", "loaded"] | None = None
@@ -169,7 +172,7 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Refuse delays and rotations beyond sense."""
         super().__post_init__()
-        for key in ("delay", "sigma_delay"):
+        for key in ("delay", "sigma_delay", "accelerometer_delay"):
             if abs(getattr(self, key) or 0.0) > LONGEST_DELAY:
                 raise WrongKeyError(key, "repair the clocks first")
         if (self.payload_mass is None) != (self.payload_r_cg_from_q is None):

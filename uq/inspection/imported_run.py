@@ -9,5 +9,5 @@ HERE, IN_MAP = "in [recording]", "in [recording] of the map, on top of what it s
 
 def cured_in_map(finding: TopicFinding) -> TopicFinding:
     """Return a finding with the cure of an imported run, which states its units and axes."""
-    set_in_experiment = any(f"set {key} =" in finding.text for key in ("compensated", "zero"))
+    set_in_experiment = any(f"set {key} =" in finding.text for key in ("compensated", "zero", "accelerometer_delay"))
     return finding if set_in_experiment else replace(finding, text=finding.text.replace(HERE, IN_MAP))

@@ -38,6 +38,8 @@ class DeclaredConventions:
     assumptions: tuple[str, ...]
     cell_axes: bool = True
     """Whether the wrench is recorded in the load cell's own axes; not in those of the body, as a run of ours is."""
+    accelerometer_delay: float = 0.0
+    """Time by which the accelerometer's samples are older than the gyro's [s]."""
 
     def wrench(self, channel: WrenchChannel, attitude: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, attitude, point.
@@ -91,7 +93,7 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
         wrench_rotation=np.eye(3) if wrench_rotation is None else wrench_rotation,
         imu_rotation=np.eye(3) if imu_rotation is None else imu_rotation,
         wrench_point=np.zeros(3) if point is None else point, imu_position=position, assumptions=tuple(assumed),
-        cell_axes=not metadata.wrench_in_body,
+        cell_axes=not metadata.wrench_in_body, accelerometer_delay=recording.accelerometer_delay or 0.0,
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.held_samples import repeats, saturated
 from identify.signals.power_spectrum import occupied_band
-from identify.signals.resample import UNEQUAL, interval
+from identify.signals.resample import UNEQUAL, interpolate, interval
 from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
@@ -108,6 +108,11 @@ def of_channels(
     check_overlap(pair, times, bag.path.name)
     early = channels.stamps_early(*pair) if times[0] is bag.wrench.stamp else 0.0
     source = motion(bag, recording, times[1], gravity=gravity, band=band)
+    if recording.accelerometer_delay and not (source.imu is bag.motion and bag.imu.linear_acceleration.any()):
+        raise RunError(
+            f"recording.accelerometer_delay is declared, and {bag.motion.topic} in {bag.path.name} holds no "
+            "accelerometer's specific force: remove it"
+        )
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
@@ -196,6 +201,15 @@ class _Channels:
         )
         self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
         self.wrench, self.motion = self.wrench[usable[0]], self.motion[usable[1]]
+        if rig.accelerometer_delay and len(self.t_imu) > 1 and (np.diff(self.t_imu) > 0).all():
+            self._advance(rig.accelerometer_delay)
+
+    def _advance(self, delay: float) -> None:
+        """Take the specific force so much later [s] than the angular velocity, where both are known."""
+        later = self.t_imu + delay
+        known = (later >= self.t_imu[0]) & (later <= self.t_imu[-1])
+        specific = interpolate(self.t_imu, self.motion[:, 3:], later[known])
+        self.t_imu, self.motion = self.t_imu[known], np.hstack([self.motion[known, :3], specific])
 
     def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the mask of the samples of a sensor to keep, and the instants near which nothing must be used."""

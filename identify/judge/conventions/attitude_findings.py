@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, Vector
+from identify.judge.conventions.euler_rates import rates_of_attitude
 from identify.judge.conventions.free_rotation import axes_text
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.rotation import closest_rotation, from_quaternions, quaternions, rotation_vectors, signed_order
@@ -95,6 +96,10 @@ def attitude_findings(imu: ImuSignal, to_rest: Rotations, declared: DeclaredRig,
     alike = [name for name in ORDERS if fits[name].correlation > most - BETTER / 2]
     order = min(alike, key=lambda name: fits[name].angle)
     best, as_read = fits[order], fits[ORDERS[0]]
+    to_body = declared.imu_rotation
+    along_sensor = imu._replace(angular_velocity=imu.angular_velocity @ to_body)
+    if rates := rates_of_attitude(along_sensor, to_rest @ to_body, topic):
+        return rates
     if best.correlation < FITS:
         return []
     findings = []

@@ -184,7 +184,7 @@ def oblique_rotation(sums: ConventionSums, given: Scales, *, weighed: bool) -> F
         given: scales from the best of the signed orders of the axes.
         weighed: whether the mean force is the body's weight.
     """
-    if _well_explained(sums):
+    if well_explained(sums):
         return None
     terms = MOMENT_TERMS if weighed else MOMENT_TERMS_WITH_WEIGHT
     free = free_rotation(sums, given, weight=weighed, terms=terms)
@@ -212,14 +212,19 @@ def explains(sums: ConventionSums, columns: slice, variance: float) -> bool:
     return bool(variance < max(9 * _white(sums, columns), NOT_RIGID**2 * float(sums.changes(columns))))
 
 
-def _well_explained(sums: ConventionSums) -> bool:
+def well_explained(sums: ConventionSums, within: float = WELL_EXPLAINED) -> bool:
+    """Return whether a rigid body on this motion leaves at most white noise and a part of force and moment.
+
+    Args:
+        sums: of the run.
+        within: the part of their changes.
+    """
     fits = (
         (FORCE, convention_fit.variance_left(sums, FORCE_TERMS, FORCE)),
         (MOMENT, convention_fit.variance_left(sums, MOMENT_TERMS, MOMENT)),
     )
     return all(
-        variance < 2 * _white(sums, columns) + WELL_EXPLAINED**2 * float(sums.changes(columns))
-        for columns, variance in fits
+        variance < 2 * _white(sums, columns) + within**2 * float(sums.changes(columns)) for columns, variance in fits
     )
 
 

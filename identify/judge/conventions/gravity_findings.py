@@ -9,10 +9,9 @@ their own; a wrench along axes at rest fits only when R turns it back, an attitu
 Each reading of the recording has a fit; what fits as well as the best is told beside it. A run's zero may drift.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from functools import partial
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -20,8 +19,6 @@ from jaxtyping import Float
 from identify.judge.conventions.attitude_findings import ORDERS, order_cure, read_as
 from identify.judge.conventions.axis_hypotheses import COSTS, DECISIVE, EQUAL
 from identify.judge.conventions.convention_fit import (
-    LEAST_MISFIT,
-    NOT_RIGID,
     SMOOTHING,
     STEP,
     WINDOW,
@@ -30,212 +27,15 @@ from identify.judge.conventions.convention_fit import (
     Vector,
     WrenchSignal,
     carried_attitude,
-    drift_shapes,
     smoothed,
 )
 from identify.judge.conventions.free_rotation import COVERAGE, axes_text
+from identify.judge.conventions.posed_force import GravityFit, PosedForce, Rotations
 from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 from identify.rigid_body.rotation import exponential
 from identify.rounding import fixed, with_uncertainty
-
-YAWS = 3600
-"""Turns about the vertical that are tried where the axes at rest are not those of the wrench.
-
-Numerical: a tenth of a degree apart.
-"""
-
-RIDGE = 1e-9
-"""Part of the normal matrix that keeps the mass of a single sample determined.
-
-Numerical: rounding of doubles in the solution.
-"""
-
-LIFT, ZERO = slice(1, 4), slice(4, 7)
-"""Places of p and the zero among the columns of a fit, behind the mass's."""
-
-Rotations = Float[np.ndarray, "n 3 3"]
-Smooth = Callable[[np.ndarray], np.ndarray]
-"""Filter over the samples, first, of some columns."""
-
-
-def unchanged(values: np.ndarray) -> np.ndarray:
-    """Return the samples as they are: of static poses."""
-    return values
-
-
-@dataclass(frozen=True, eq=False)
-class GravityFit:
-    """The unknowns of one reading, and what it leaves."""
-
-    values: Float[np.ndarray, " p"]
-    """Mass m [kg], p [N], then zero and lever; m is zero where no specific force is given."""
-    covariance: Float[np.ndarray, "p p"]
-    misfit: float
-    """Mean square of what is left of the force, per component [N²]."""
-
-    @property
-    def mass(self) -> float:
-        """Mass by the specific force [kg]."""
-        return float(self.values[0])
-
-    @property
-    def sigma_mass(self) -> float:
-        """Standard uncertainty of the mass [kg]; infinite where no specific force tells it."""
-        return float(np.sqrt(self.covariance[0, 0]))
-
-    @property
-    def lift(self) -> Float[np.ndarray, "3"]:
-        """The vector p [N]."""
-        return self.values[1:4]
-
-
-class MassStep(NamedTuple):
-    """A mass that is another from some sample on."""
-
-    sample: int
-    """Index of the first smoothed sample with the other mass."""
-    before: float
-    """Mass before it [kg]."""
-    after: float
-    """Mass from it on [kg]."""
-    misfit: float
-    """Mean square of what is left of the force, per component [N²]."""
-
-
-@dataclass(frozen=True, eq=False)
-class PosedForce:
-    """Forces with attitudes, n samples, all in B and SI."""
-
-    force: Float[np.ndarray, "n 3"]
-    to_rest: Rotations
-    """Rotations R from B to axes at rest."""
-    specific: Float[np.ndarray, "n 3"] | None = None
-    """Specific force [m/s²]; None: not known, or of poses at rest, where R tells it."""
-    levers: Float[np.ndarray, "n 3 3"] | None = None
-    """Specific force of a lever's unit vectors [1/s²]; None: at rest."""
-    time: Float[np.ndarray, " n"] | None = None
-    """Instants over which the zero may drift [s]; None: it is constant."""
-    smooth: Smooth = unchanged
-    independent: float = 1.0
-    """Part of the smoothed samples that are independent."""
-
-    def turned_back(self, yaw: float) -> "PosedForce":
-        """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
-        return self._turned_back(np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]))
-
-    def _turned_back(self, turn: np.ndarray) -> "PosedForce":
-        return replace(self, force=np.einsum("nji,nj->ni", self.to_rest, self.force @ turn.T))
-
-    def turned_to_rest(self) -> "PosedForce":
-        """The force along axes at rest, as it was recorded where it was turned back by mistake."""
-        return replace(self, force=np.einsum("nij,nj->ni", self.to_rest, self.force))
-
-    @cached_property
-    def _answer(self) -> np.ndarray:
-        return self.smooth(self.force)
-
-    @property
-    def changes(self) -> float:
-        """Variance of the smoothed force, per component [N²]."""
-        return float(self._answer.var(axis=0).mean())
-
-    @property
-    def independent_values(self) -> float:
-        """Number of independent components of force."""
-        return self.independent * self._answer.size
-
-    def explained(self, fit: "GravityFit | MassStep") -> bool:
-        """Whether a rigid body explains the force, so that something may be named."""
-        return fit.misfit < NOT_RIGID**2 * self.changes
-
-    def excess(self, fit: GravityFit, best: GravityFit) -> float:
-        """Chi-square of a fit over that of the best one."""
-        variance = max(best.misfit, LEAST_MISFIT**2 * self.changes)
-        return (fit.misfit - best.misfit) * self.independent_values / variance
-
-    def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:
-        """Fit the force.
-
-        Args:
-            lift: whether p is free, otherwise zero.
-            zero: whether the load cell's zero F0 is free, beside its drift.
-            turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
-        """
-        rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
-        values, _, rank, _ = np.linalg.lstsq(rows, answer, rcond=1e-9)
-        misfit = float(np.mean((answer - rows @ values) ** 2))
-        free = max(1 - rank / self.independent_values, 0.1)
-        variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
-        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
-        if self.specific is None:
-            covariance[0, 0] = np.inf
-        return GravityFit(values, covariance, misfit)
-
-    @cached_property
-    def _columns(self) -> np.ndarray:
-        """Smoothed columns of m, p, zero and lever, (k, 3, columns)."""
-        n = len(self.force)
-        specific = np.zeros((n, 3)) if self.specific is None else self.specific
-        levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
-        zero = np.broadcast_to(np.eye(3), (n, 3, 3))
-        return self._smooth(np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2))
-
-    @cached_property
-    def _drift(self) -> np.ndarray:
-        """Smoothed columns of each zero's drift, (k, 3, columns)."""
-        shapes = np.zeros((len(self.force), 0)) if self.time is None else drift_shapes(self.time)
-        return np.kron(self.smooth(shapes)[:, None], np.eye(3))
-
-    def _smooth(self, columns: np.ndarray) -> np.ndarray:
-        return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
-
-    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
-        """Rows of a fit, what is not free as zeros; ``turned``: with nine columns of a matrix on the specific force."""
-        columns = self._columns.copy()
-        columns[:, :, LIFT] *= lift
-        columns[:, :, ZERO] *= zero
-        columns = np.concatenate([columns, self._drift], axis=2)
-        if turned and self.specific is not None:
-            matrix = np.einsum("ij,nk->nijk", np.eye(3), self.specific).reshape(-1, 3, 9)
-            columns = np.concatenate([columns, self._smooth(matrix)], axis=2)
-        return columns.reshape(-1, columns.shape[2])
-
-    def mass_step(self) -> MassStep:
-        """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
-        rows, unit = np.delete(self._columns, np.r_[LIFT, ZERO], axis=2), np.eye(3)
-        count = rows.shape[2]
-        answer, n = self._answer, len(rows)
-        grams = np.einsum("nij,nik->njk", rows, rows)
-        loose = RIDGE * grams.sum(axis=0) * np.eye(count)
-        normal, right = np.zeros((n - 1, 2 * count + 3, 2 * count + 3)), np.zeros((n - 1, 2 * count + 3))
-        normal[:, -3:, -3:], right[:, -3:] = n * unit, answer.sum(axis=0)
-        products = np.einsum("nij,ni->nj", rows, answer)
-        totals = [np.cumsum(values, axis=0) for values in (grams, rows, products)]
-        parts = [x[:-1] for x in totals], [x[-1] - x[:-1] for x in totals]
-        for place, (gram, total, product) in zip((0, count), parts, strict=True):
-            here = slice(place, place + count)
-            normal[:, here, here], right[:, here] = gram + loose, product
-            normal[:, -3:, here], normal[:, here, -3:] = total, total.swapaxes(1, 2)
-        values = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-        misfit = ((answer**2).sum() - (right * values).sum(axis=1)) / answer.size
-        at = int(np.argmin(misfit))
-        return MassStep(at + 1, float(values[at, 0]), float(values[at, count]), float(misfit[at]))
-
-    def best_yaw(self) -> float:
-        """The yaw from R's axes at rest to those of the wrench under which the force, turned back, fits best [rad]."""
-        # the force turned back is linear in (cos, sin, 1) of the yaw, and so is what the rows leave of it
-        turns = np.diag([1.0, 1, 0]), np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]]), np.diag([0.0, 0, 1])
-        answers = np.stack([self._turned_back(turn)._answer.reshape(-1) for turn in turns], axis=1)
-        rows = self._rows(lift=True, zero=True, turned=False)
-        values, *_ = np.linalg.lstsq(rows, answers, rcond=1e-9)
-        residuals = answers - rows @ values
-        yaws = np.linspace(-np.pi, np.pi, YAWS, endpoint=False)
-        directions = np.stack([np.cos(yaws), np.sin(yaws), np.ones(YAWS)])
-        misfits = np.einsum("ik,ij,jk->k", directions, residuals.T @ residuals, directions)
-        return float(yaws[int(np.argmin(misfits))])
-
 
 LEAST_ANGLE = np.radians(3.0)
 """Angle between the weight and the declared gravity from which another gravity is named.
@@ -268,6 +68,7 @@ READINGS = {
     "gravity": "gravity along other axes at rest",
     "sensor": "a turn of the load cell's axes against the body's",
     "frame": "a wrench along axes at rest",
+    "late": "an accelerometer that lags (accelerometer_delay)",
 }
 """Words for the readings, where one is a rival of another."""
 
@@ -364,6 +165,10 @@ class _JudgedForce:
         other, yaw = self._other_frame()
         fits = {"plain": plain, "gravity": free, "sensor": posed.fit(lift=False, turned=True), "frame": other.fit()}
         fits |= {order: self._read_as(order).fit(lift=False) for order in self._orders}
+        lag = 0.0
+        if self.attitude.accelerates and self.declared.measured:
+            (delayed, _), (late, lag) = (posed.in_time(apart=apart) for apart in (False, True))
+            fits |= {"delay": delayed.fit(lift=False)} | ({"late": late.fit(lift=False)} if lag > 0 else {})
         best = min(fits.values(), key=lambda fit: fit.misfit)
         if not posed.explained(best):
             return self._changed_mass()
@@ -374,6 +179,11 @@ class _JudgedForce:
         likely = sorted((name for name in scores if scores[name] < least + EQUAL), key=scores.__getitem__)
         rivals = [READINGS.get(name, f"a quaternion of ({name})") for name in likely[1:]]
         doubt = f"; {' or '.join(rivals)} fits as well" if rivals else ""
+        if "delay" in likely:  # which the estimate finds by itself, or names
+            return GravityVerdict()
+        if likely[0] == "late":
+            figure = fixed(1e3 * lag, 1)
+            return GravityVerdict([Finding.ACCELEROMETER_DELAYED.on(self.topic, delay=figure)], final=True)
         if likely[0] == "frame":
             return self._frame(yaw, doubt)
         if likely[0] in self._orders:

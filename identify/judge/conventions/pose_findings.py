@@ -20,7 +20,8 @@ from identify.judge.conventions.convention_fit import (
     DeclaredRig,
     Vector,
 )
-from identify.judge.conventions.gravity_findings import AXIS, READINGS, PosedForce, Rotations, along_axis, gravity_text
+from identify.judge.conventions.gravity_findings import AXIS, READINGS, along_axis, gravity_text
+from identify.judge.conventions.posed_force import PosedForce, Rotations
 from identify.judge.conventions.removed_weight import CERTAIN
 from identify.judge.conventions.wrench_findings import Examination, SignReading
 from identify.judge.conventions.wrench_units import BodyByWrench, mass_finding, other_units, units_finding

@@ -35,6 +35,7 @@ from identify.judge.conventions.convention_fit import (
     WrenchSignal,
     convention_sums,
 )
+from identify.judge.conventions.euler_rates import euler_rates_finding
 from identify.judge.conventions.free_rotation import (
     CERTAIN_SHIFT,
     LEAST_TURN,
@@ -110,6 +111,8 @@ def wrench_findings(
         return []
     if min(float(sums.changes(columns)) for columns in (FORCE, MOMENT, ALPHA)) < 1e-20:
         return []
+    if declared.measured and (rates := euler_rates_finding(wrench, imu, imu_topic)):
+        return rates
     verdict = run_gravity(wrench, imu, attitude, declared, wrench_topic)
     if verdict.final:
         return verdict.findings

@@ -1,0 +1,161 @@
+"""Gyro channels that hold the rates of Euler angles in place of the body's angular velocity.
+
+Of angles about turned axes, the channel of each axis holds the rate of its angle. The body's angular velocity is
+another vector unless the angles are small. Where an attitude is recorded, its angles tell; otherwise the rates are
+integrated, the vertical by the accelerometer, and force and moment tell.
+"""
+
+from itertools import permutations
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.judge.conventions.axis_hypotheses import DECISIVE, chi_square, scales
+from identify.judge.conventions.convention_fit import ImuSignal, WrenchSignal, convention_sums
+from identify.judge.conventions.free_rotation import AS_IT_IS, well_explained
+from identify.judge.findings import Contradiction, Finding
+from identify.rigid_body.rotation import exponentials, rotation_vectors
+
+Rotations = Float[np.ndarray, "n 3 3"]
+
+ORDERS = tuple("".join(order) for order in permutations("XYZ"))[::-1]
+"""Orders of the turned axes, that of yaw, pitch and roll first."""
+USUAL = "ZYX"
+FORMULA = (
+    ", or replace roll', pitch', yaw' by wx = roll' - yaw' sin(pitch), wy = pitch' cos(roll) + yaw' cos(pitch) "
+    "sin(roll), wz = yaw' cos(pitch) cos(roll) - pitch' sin(roll)"
+)
+"""Cure where the angles are yaw, pitch and roll."""
+EXPLAINED = 0.02
+"""Part of the changes below which the channels are the angular velocity.
+
+Choice: twice what a good fit leaves.
+"""
+FEW = 300
+"""Instants at which gravity places the angles.
+
+Numerical: six numbers from 900.
+"""
+STEPS = 8
+"""Steps of Gauss–Newton to the angles at the start.
+
+Numerical: from angles of zero it takes five.
+"""
+DIFFERENCE = 1e-5
+"""Numerical: change of an angle for a derivative [rad]."""
+ANGLES_FIT = 0.98
+"""Correlation of the channels with the rates of a recorded attitude's angles from which they are these.
+
+Choice: what filters and delays leave over is less.
+"""
+BETTER = 0.02
+"""Correlation by which the rates must be better than the angular velocity.
+
+Choice: small angles, where both are alike, are not judged.
+"""
+
+
+def euler_rates_finding(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> list[Contradiction]:
+    """Return the finding where a body explains force and moment only by the angular velocity that the rates make.
+
+    Args:
+        wrench: in B and SI.
+        imu: the same.
+        topic: of the IMU.
+    """
+    sums = convention_sums(wrench, imu)
+    if sums is None or well_explained(sums, EXPLAINED):
+        return []
+    best = None
+    for order in ORDERS:
+        made = convention_sums(wrench, imu._replace(angular_velocity=angular_velocity(imu, order)))
+        if made is None or not well_explained(made):
+            continue
+        given = scales(made, weight=False, candidates=(AS_IT_IS,))
+        gain = float(chi_square(sums, given) - chi_square(made, given))
+        if gain > max(DECISIVE, best[0] if best else 0.0):
+            best = gain, order
+    return [] if best is None else [_finding(best[1], topic)]
+
+
+def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic: str) -> list[Contradiction]:
+    """Return the finding where the channels are the rates of a recorded attitude's angles.
+
+    Args:
+        imu: its angular velocity, along the axes of the sensor.
+        to_rest: rotations from these axes to axes at rest, at its instants.
+        topic: of the IMU.
+    """
+    between = np.diff(imu.time)[:, None]
+    middle = 0.5 * (imu.angular_velocity[1:] + imu.angular_velocity[:-1])
+    as_read = _correlation(_turns(to_rest) / between, middle)
+    fits = {order: _correlation(np.diff(_angles(to_rest, order), axis=0) / between, middle) for order in ORDERS}
+    order = max(ORDERS, key=fits.__getitem__)
+    is_rates = fits[order] > max(ANGLES_FIT, as_read + BETTER)
+    return [_finding(order, topic)] if is_rates else []
+
+
+def _finding(order: str, topic: str) -> Contradiction:
+    return Finding.EULER_RATES.on(topic, order=order, formula=FORMULA * (order == USUAL))
+
+
+def _correlation(x: np.ndarray, y: np.ndarray) -> float:
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    return float((x * y).sum() / max(np.sqrt((x * x).sum() * (y * y).sum()), 1e-12))
+
+
+def _axes(order: str) -> list[int]:
+    """The turned axes of an order."""
+    return ["XYZ".index(axis) for axis in order]
+
+
+def _angles(attitude: Rotations, order: str) -> Float[np.ndarray, "n 3"]:
+    """The angles of an attitude, each in the channel of its axis [rad]."""
+    i, j, k = _axes(order)
+    sign = 1.0 if (i + 1) % 3 == j else -1.0
+    angles = np.empty((len(attitude), 3))
+    angles[:, i] = np.arctan2(-sign * attitude[:, j, k], attitude[:, k, k])
+    angles[:, j] = np.arcsin(np.clip(sign * attitude[:, i, k], -1.0, 1.0))
+    angles[:, k] = np.arctan2(-sign * attitude[:, i, j], attitude[:, i, i])
+    return np.unwrap(angles, axis=0)
+
+
+def _attitude(angles: np.ndarray, order: str) -> Rotations:
+    """The attitude of angles, each in the channel of its axis [rad]."""
+    first, second, third = (exponentials(angles[:, [axis]] * np.eye(3)[axis]) for axis in _axes(order))
+    return np.asarray(first @ second @ third)
+
+
+def _turns(attitude: Rotations) -> Float[np.ndarray, "m 3"]:
+    """Rotation vectors from each attitude to the next, in the axes that turn."""
+    return rotation_vectors(attitude[:-1].swapaxes(1, 2) @ attitude[1:])
+
+
+def angular_velocity(imu: ImuSignal, order: str) -> Float[np.ndarray, "n 3"]:
+    """Return the body's angular velocity, were the channels the rates of Euler angles of an order [rad/s].
+
+    The angles' constants and the channels' zeros are those with which the vertical at rest is nearest to the specific
+    force.
+    """
+    time, rates, specific = imu
+    steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    progress = ((time - time[0]) / (time[-1] - time[0]))[:, None]
+    few = slice(None, None, max(1, len(time) // FEW))
+    up = specific[few] / np.maximum(np.linalg.norm(specific[few], axis=1, keepdims=True), 1e-12)
+
+    def angles(x: np.ndarray, part: slice) -> np.ndarray:
+        return turned[part] + x[:3] + progress[part] * x[3:]
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        vertical = _attitude(angles(x, few), order)[:, 2]
+        return np.asarray((vertical - up).ravel())
+
+    x = np.zeros(6)
+    for _ in range(STEPS):
+        here = misfit(x)
+        slopes = np.stack([(misfit(x + DIFFERENCE * unit) - here) / DIFFERENCE for unit in np.eye(6)], axis=1)
+        x = x - np.linalg.lstsq(slopes, here, rcond=1e-3)[0]
+    between = _turns(_attitude(angles(x, slice(None)), order)) / np.diff(time)[:, None]
+    middles = 0.5 * (time[1:] + time[:-1])
+    return np.stack([np.interp(time, middles, column) for column in between.T], axis=1)
