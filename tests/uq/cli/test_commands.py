@@ -94,7 +94,10 @@ def broken_run(path, what):
     ("what", "words"),
     [
         ("no overlap", "no overlap in run.mcap: the stamps of /wrench run from 1.000 s to"),
-        ("still", "is zero, or no number, in most samples: check the motion sensor and its driver, or record a body that"),
+        (
+            "still",
+            "is zero, or no number, in most samples: check the motion sensor and its driver, or record a body that",
+        ),
         ("one sample", "fewer than two samples of the angular velocity in run.mcap"),
         ("no imu", "sensor_msgs/msg/Imu"),
         ("empty", "/wrench"),
