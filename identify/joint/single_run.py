@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.estimators.run_information import excitation, noise_in_normal
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
-from identify.joint.gauss_newton import ROUGH, RunSolution, linearised, posterior, solve
+from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, unknowns
 from identify.joint.motion_signals import MotionSignals
 from identify.joint.priors import Alignment, Prior, Setting, run_prior
@@ -15,9 +15,6 @@ from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
 from identify.signals.run import Run, RunError
-from identify.sums.residual_spectrum import Lines, leverage, spectrum
-from identify.sums.row_products import products
-from identify.sums.run_lines import unbroken
 
 LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
@@ -120,51 +117,25 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
 
 
 def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
-    """Return the covariance of white noise that tells as little of the tensor as the residuals' noise, (rows, rows).
+    """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
-    fit has taken of the residuals (its effective number of unknowns) is put back. Noise that drifts is stronger where
-    the motion is than in the mean over the band.
+    fit has taken of the residuals (its effective number of unknowns) is put back.
     """
     at = fit.prediction
     counted = at.counted(at.residuals[:, :, None])[:, :, 0]
     residuals = np.zeros((counted.shape[1], len(model.used)))
     residuals[:, model.used] = counted.T
-    transformed = np.fft.rfft(residuals, axis=1)
+    spectrum = np.fft.rfft(residuals, axis=1)
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
-    bins = max(int(share * (transformed.shape[1] - 1)), 1)
-    inside = transformed[:, 1 : bins + 1]
+    bins = max(int(share * (spectrum.shape[1] - 1)), 1)
+    inside = spectrum[:, 1 : bins + 1]
     taken = np.trace(np.linalg.solve(fit.information + np.diag(prior.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
-    least = np.diag(size**2) / model.rows.factor
-    level = level + least if model.specific_force != "still" else np.diag(np.diag(level + least))
-    return least + _at_the_motion(fit, prior, model, np.linalg.cholesky(level))
-
-
-def _at_the_motion(fit: RunSolution, prior: Prior, model: Model, root: np.ndarray) -> np.ndarray:
-    """Return the covariance ``L Lᵀ`` of rows with each whitened row at its level where the tensor shows.
-
-    Args:
-        fit: that leaves the residuals.
-        prior: of the unknowns.
-        model: of the run.
-        root: L, lower triangular.
-    """
-    at = linearised(model, prior, fit.z, lambda rows: np.asarray(np.linalg.solve(root, rows)))
-    lines = Lines.of(unbroken(np.flatnonzero(model.used)), 1 / model.rows.interval)
-    inside = slice(0, int((lines.frequency <= PASSED * model.rows.band).sum()))
-    columns, residuals = (lines.transform(signal)[inside] for signal in (at.columns, at.residuals))
-    inverse = np.linalg.inv(products(at.columns, at.columns) + np.diag(prior.counted))
-    tensor = prior.root[SLICES["inertia"]]
-    carried = tensor @ inverse
-    shown = spectrum(residuals, 1 - leverage(columns, inverse), lines.constants).values
-    # part of each line and row in the variances of the tensor, each over its sum
-    parts = (columns @ carried.T) ** 2 @ (1 / np.diag(carried @ tensor.T))
-    total, by_line = parts.sum(axis=0), np.einsum("maa->ma", shown)
-    level = np.where(total > 0, (parts * by_line).sum(axis=0) / np.maximum(total, 1e-300), 1.0)
-    return np.asarray(root * level @ root.T)
+    level = level + np.diag(size**2) / model.rows.factor
+    return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 
 def _check(name: str, model: Model, prior: Prior, fit: RunSolution) -> None:
