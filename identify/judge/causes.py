@@ -259,7 +259,8 @@ reach 6e-6 (``tests.helpers.judge_margins``).
 LIKELY = 3.0
 """Logarithm of the Bayes factor from which a cause is more probable than none, or than another.
 
-Definition: odds of twenty to one, strong evidence by Kass and Raftery (doi:10.1080/01621459.1995.10476572).
+Definition: odds of twenty to one, strong evidence by Kass and Raftery (doi:10.1080/01621459.1995.10476572). In 40 clean
+runs at most 1.1, in the middle −1.7 (``tests.helpers.judge_margins``).
 """
 UNLIKE = 1e-3
 """Chance that a run departs from the value that all runs share, over all runs, below which they do not share one.
@@ -305,22 +306,23 @@ class PossibleCause(NamedTuple):
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
         if self.run is None:
             return evidence(base, self.finding, self.size, self.lines, white=white)
-        of_run = base.alone[self.run]
-        one = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
-        return None if one is None else one._replace(lines=self.lines)
+        of_run = base.single_runs[self.run]
+        verdict = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
+        return None if verdict is None else verdict._replace(lines=self.lines)
 
     def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":
-        """Return it with each line in units of its noise, whose mean squares are given."""
-        roots = [np.sqrt(np.maximum(power, 1e-300))[:, :, None] for power in noise]
-        return self._replace(lines=[part / root for part, root in zip(self.lines, roots, strict=True)])
+        """Return it with each line in units of its noise, whose standard deviation is given."""
+        return self._replace(lines=[part / deviation for part, deviation in zip(self.lines, noise, strict=True)])
 
     def agrees(self, base: Base, verdict: Evidence) -> bool:
         """Return whether the runs agree on its value."""
         if self.run is not None or len(base.runs) == 1:
             return True
         common = base.absorbing(verdict.lines, verdict.scale)
-        apart = [evidence(common.alone[k], self.finding, self.size, [part]) for k, part in enumerate(self.lines)]
-        return min([one.chance for one in apart if one is not None], default=1.0) * len(apart) > UNLIKE
+        further = [
+            evidence(common.single_runs[k], self.finding, self.size, [part]) for k, part in enumerate(self.lines)
+        ]
+        return min([more.chance for more in further if more is not None], default=1.0) * len(further) > UNLIKE
 
 
 def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[PossibleCause]:
@@ -334,16 +336,16 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[Pos
     for finding, make in SIGNALS.items():
         if finding not in excluded:
             parts = [make(fit.prediction) for fit in fits]
-            own: Iterable[int | None] = range(len(fits)) if finding in OF_A_RUN else [None]
-            made += [_candidate(finding, index, fits, parts) for index in own]
+            owners: Iterable[int | None] = range(len(fits)) if finding in OF_A_RUN else [None]
+            made += [_candidate(finding, owner, fits, parts) for owner in owners]
     return [candidate for candidate in made if len(candidate.size)]
 
 
 def _candidate(finding: Finding, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
     """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
-    own = parts if run is None else [parts[run]]
-    size = np.mean([sizes for _, sizes in own], axis=0)
-    acting = np.any([columns.any(axis=(0, 1)) for columns, _ in own], axis=0) & (size > 0)
+    having = parts if run is None else [parts[run]]
+    size = np.mean([sizes for _, sizes in having], axis=0)
+    acting = np.any([columns.any(axis=(0, 1)) for columns, _ in having], axis=0) & (size > 0)
     columns = [columns[:, :, acting] * (run in (None, k)) for k, (columns, _) in enumerate(parts)]
     lines = [fit.transformed(part * size[acting]) for fit, part in zip(fits, columns, strict=True)]
     return PossibleCause(finding, run, size[acting], columns, lines)
@@ -409,7 +411,7 @@ def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
     Each is looked for in the noise that it would leave. Those that show are compared in one noise, the least: else a
     cause that follows the noise would make itself more probable.
     """
-    judged = [FollowedCause(one, verdict) for one in open_to if (verdict := one.judged(base)) is not None]
+    judged = [FollowedCause(cause, verdict) for cause in open_to if (verdict := cause.judged(base)) is not None]
 
     def shown(cause: FollowedCause) -> bool:
         tries = 1 if cause.candidate.run is None else len(base.runs)  # a run's cause has as many chances
@@ -454,7 +456,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -
             break
         best = _simplest(likely)
         power = float(
-            np.square(base.together(base.beside(best.evidence.lines).left) @ best.evidence.coefficients).sum()
+            np.square(base.together(base.beside(best.evidence.lines).remaining) @ best.evidence.coefficients).sum()
         )
         if named and power < ECHO * first:
             break
@@ -466,9 +468,10 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))
         base = base.absorbing(best.evidence.lines, best.evidence.scale)
-        open_to = [one for one in open_to if (one.finding, one.run) != (best.candidate.finding, best.candidate.run)]
+        taken = best.candidate.finding, best.candidate.run
+        open_to = [cause for cause in open_to if (cause.finding, cause.run) != taken]
     rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, base.residuals, strict=True)]
-    squares = [[float((rows**2).sum()) for rows in one.residuals] for one in (base, started)]
+    squares = [[float((rows**2).sum()) for rows in fitted.residuals] for fitted in (base, started)]
     return Judgement(
         named, implausible, explained=[1 - after / max(before, 1e-300) for after, before in zip(*squares, strict=True)],
         unexplained=[ratio for ratio, _ in rest], rows=[row for _, row in rest],

@@ -52,26 +52,26 @@ class FittedLines:
     """Measured less predicted force and moment, or the moment alone, with all unknowns at their prior's mean."""
     frequency: Float[np.ndarray, " m"]
     """Frequency of each line [Hz]."""
-    own: Float[np.ndarray, "m rows q"]
+    of_run: Float[np.ndarray, "m rows q"]
     """Change of the residuals by a unit of each of the run's own unknowns."""
-    own_precision: Float[np.ndarray, " q"]
+    run_precision: Float[np.ndarray, " q"]
     shared: Float[np.ndarray, "m rows s"]
     """Change by a unit of each unknown that runs share."""
 
     @cached_property
     def normal(self) -> Float[np.ndarray, "q q"]:
         """Matrix of the normal equations of the run's own unknowns, with their prior."""
-        return products(self.own, self.own) + np.diag(self.own_precision)
+        return products(self.of_run, self.of_run) + np.diag(self.run_precision)
 
-    def beside_own(self, columns: Float[np.ndarray, "m rows p"]) -> tuple[np.ndarray, np.ndarray]:
+    def beside_run(self, columns: Float[np.ndarray, "m rows p"]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the run's own unknowns do not absorb of columns, and by how much they follow each, (q, p)."""
-        follows = np.linalg.solve(self.normal, products(self.own, columns))
-        return columns - self.own @ follows, follows
+        follows = np.linalg.solve(self.normal, products(self.of_run, columns))
+        return columns - self.of_run @ follows, follows
 
     @cached_property
     def reduced(self) -> Float[np.ndarray, "m rows s"]:
         """The shared unknowns' columns beside the run's own."""
-        return self.beside_own(self.shared)[0]
+        return self.beside_run(self.shared)[0]
 
     @cached_property
     def information(self) -> Float[np.ndarray, "s s"]:
@@ -86,9 +86,9 @@ Lines = Sequence[np.ndarray]
 class Absorbed(NamedTuple):
     """Signals beside the fitted unknowns, (m, rows, p) in each run, and how the unknowns follow them."""
 
-    left: list[np.ndarray]
-    shared: Float[np.ndarray, "s p"]
-    own: list[np.ndarray]
+    remaining: list[np.ndarray]
+    by_shared: Float[np.ndarray, "s p"]
+    by_run: list[np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +109,14 @@ class Base:
     @cached_property
     def residuals(self) -> list[np.ndarray]:
         """Residuals of each run with the unknowns at their best, (m, rows)."""
-        return [left[:, :, 0] for left in self.beside([run.departure[:, :, None] for run in self.runs]).left]
+        return [rows[:, :, 0] for rows in self.beside([run.departure[:, :, None] for run in self.runs]).remaining]
 
     @cached_property
     def leverage(self) -> list[np.ndarray]:
         """Part of each residual's noise that the unknowns follow, by run, (m, rows)."""
         by_shared = inverse(self.normal)
-        own = [((run.own @ inverse(run.normal)) * run.own).sum(axis=2) for run in self.runs]
-        return [taken + leverage(run.reduced, by_shared) for taken, run in zip(own, self.runs, strict=True)]
+        by_run = [((run.of_run @ inverse(run.normal)) * run.of_run).sum(axis=2) for run in self.runs]
+        return [taken + leverage(run.reduced, by_shared) for taken, run in zip(by_run, self.runs, strict=True)]
 
     @cached_property
     def order(self) -> np.ndarray:
@@ -134,31 +134,35 @@ class Base:
 
     @property
     def noise(self) -> list[np.ndarray]:
-        """Mean squares of the noise on the lines of each run, from the residuals of all, (m, rows)."""
+        """Standard deviation of the noise on the lines of each run, from the residuals of all, (m, rows, 1)."""
         residuals = self.together(self.residuals)
-        values = np.empty_like(residuals)
-        values[self.order] = spectrum(residuals, 1 - self.together(self.leverage), self.width)
-        return np.split(values, np.cumsum([len(run.frequency) for run in self.runs])[:-1])
+        power = np.empty_like(residuals)
+        power[self.order] = spectrum(residuals, 1 - self.together(self.leverage), self.width)
+        deviation = np.sqrt(np.maximum(power, 1e-300))[:, :, None]
+        return np.split(deviation, np.cumsum([len(run.frequency) for run in self.runs])[:-1])
 
     def weighted(self, noise: Lines) -> "Base":
-        """Return the base with each line in units of its noise, whose mean squares are given."""
-        roots = [np.sqrt(np.maximum(power, 1e-300))[:, :, None] for power in noise]
+        """Return the base with each line in units of its noise, whose standard deviation is given."""
         runs = [
-            replace(run, departure=run.departure / root[:, :, 0], own=run.own / root, shared=run.shared / root)
-            for run, root in zip(self.runs, roots, strict=True)
-        ]
+            replace(
+                run, departure=run.departure / deviation[:, :, 0], of_run=run.of_run / deviation,
+                shared=run.shared / deviation,
+            )
+            for run, deviation in zip(self.runs, noise, strict=True)
+        ]  # fmt: skip
         return replace(self, runs=tuple(runs))
 
     def beside(self, columns: Lines) -> Absorbed:
         """Return what the base does not absorb of some columns."""
-        first = [run.beside_own(part) for run, part in zip(self.runs, columns, strict=True)]
+        beside_runs = [run.beside_run(part) for run, part in zip(self.runs, columns, strict=True)]
         right = np.sum([products(run.reduced, part) for run, part in zip(self.runs, columns, strict=True)], axis=0)
-        follows = np.linalg.solve(self.normal, right)
-        left = [part - run.reduced @ follows for run, (part, _) in zip(self.runs, first, strict=True)]
-        own = [
-            by_own - run.beside_own(run.shared)[1] @ follows for run, (_, by_own) in zip(self.runs, first, strict=True)
-        ]
-        return Absorbed(left, follows, own)
+        by_shared = np.linalg.solve(self.normal, right)
+        pairs = list(zip(self.runs, beside_runs, strict=True))
+        return Absorbed(
+            remaining=[part - run.reduced @ by_shared for run, (part, _) in pairs],
+            by_shared=by_shared,
+            by_run=[by_run - run.beside_run(run.shared)[1] @ by_shared for run, (_, by_run) in pairs],
+        )
 
     def absorbing(self, columns: Lines, scale: float = 1.0) -> "Base":
         """Return the base with further unknowns that all runs share, of a prior of this size."""
@@ -172,17 +176,17 @@ class Base:
         return Base(tuple(runs), precision, np.hstack([self.ten, np.zeros((10, p))]))
 
     @cached_property
-    def alone(self) -> list["Base"]:
+    def single_runs(self) -> list["Base"]:
         """Each run by itself, given what the others say of the unknowns that they share."""
         if len(self.runs) == 1:
             return [self]
         rights = [products(run.reduced, run.departure[:, :, None]) for run in self.runs]
         right = np.sum(rights, axis=0)
         bases = []
-        for run, own in zip(self.runs, rights, strict=True):
-            known = self.normal - run.information
-            departure = run.departure - (run.shared @ solution(known, right - own))[:, :, 0]
-            bases.append(replace(self, runs=(replace(run, departure=departure),), precision=known))
+        for run, right_of_run in zip(self.runs, rights, strict=True):
+            precision = self.normal - run.information
+            departure = run.departure - (run.shared @ solution(precision, right - right_of_run))[:, :, 0]
+            bases.append(replace(self, runs=(replace(run, departure=departure),), precision=precision))
         return bases
 
 
@@ -249,7 +253,7 @@ def evidence(
     """
     absorbed, raw = base.beside(columns), base.together(columns)
     residuals = base.together(base.residuals)
-    reduced = base.together(absorbed.left)
+    reduced = base.together(absorbed.remaining)
     normal = products(reduced, raw)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
     good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
@@ -263,8 +267,9 @@ def evidence(
     power = np.ones_like(residuals) if white else spectrum(residuals - signals @ along, free, base.width)
     # what the residuals' noise adds to a score, by its spectrum, and what the errors of the priors add
     scores = signals * np.sqrt(power)[:, :, None]
-    by_prior = absorbed.shared.T @ base.precision @ absorbed.shared + np.sum(
-        [(own.T * run.own_precision) @ own for run, own in zip(base.runs, absorbed.own, strict=True)], axis=0
+    by_prior = absorbed.by_shared.T @ base.precision @ absorbed.by_shared + np.sum(
+        [(by_run.T * run.run_precision) @ by_run for run, by_run in zip(base.runs, absorbed.by_run, strict=True)],
+        axis=0,
     )
     spread = (products(scores, scores) + basis.T @ by_prior @ basis) / np.outer(values[good], values[good])
     weight, count = moving_average(taken, base.width), len(along)
@@ -281,7 +286,7 @@ def evidence(
         scale=mixture.scale, logarithm=mixture.logarithm, chance=chance, predicted=mixture.predicted,
         share=(before - float((after**2).sum())) / max(before, 1e-300),
         power=float(np.square(signals @ mixture.mean).sum()),
-        effects=base.ten @ absorbed.shared, lines=list(columns),
+        effects=base.ten @ absorbed.by_shared, lines=list(columns),
     )  # fmt: skip
 
 

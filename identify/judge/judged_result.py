@@ -80,13 +80,11 @@ def judged(result: Identification, problem: Problem) -> Identification:
     fits = [fits_of(run, result, problem) for run in problem.runs]
     joined = examined(fits, result, problem)
     if joined is None:
-        found, errors = (
-            merged([Contribution(one) for run in problem.runs for one in saturated(run)], len(fits)),
-            [],
-        )
+        saturations = [Contribution(finding) for run in problem.runs for finding in saturated(run)]
+        contributions, errors = merged(saturations, len(fits)), list[FollowedCause]()
     else:
-        found, errors = joined.contributions(), joined.errors_of_force
-    verdicts = [one.finding for one in found]
+        contributions, errors = joined.contributions(), joined.errors_of_force
+    verdicts = [contribution.finding for contribution in contributions]
     candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
     estimator_fits = [fit for fit in candidates if fit]
     held = by_held_errors(result, problem, estimator_fits) if len(estimator_fits) == len(problem.runs) else None
@@ -111,7 +109,7 @@ def judged(result: Identification, problem: Problem) -> Identification:
     )
     if result.method == "joint" and held is not None:  # the others count them by their source
         with_causes = with_gyro_turns(with_causes, held[GYRO], _declared_turns(problem))
-    changes = np.hstack([np.zeros((6, 0)), *(one.changes for one in found)])
+    changes = np.hstack([np.zeros((6, 0)), *(contribution.changes for contribution in contributions)])
     return with_misfit(with_causes, changes * result.determined[:, None])
 
 
@@ -213,9 +211,9 @@ class JudgedRuns:
     def contributions(self) -> list[Contribution]:
         """Return all findings, the most important first."""
         saturations = [Contribution(finding) for run in self.problem.runs for finding in saturated(run)]
-        causes = [one for finding, causes in self.named.items() for one in self._of_cause(finding, causes)]
-        silent = {one.finding.run for one in saturations}
-        of_runs = [one for k in range(len(self.runs)) for one in self._of_run(k, silent)]
+        causes = [part for finding, causes in self.named.items() for part in self._of_cause(finding, causes)]
+        silent = {part.finding.run for part in saturations}
+        of_runs = [part for k in range(len(self.runs)) for part in self._of_run(k, silent)]
         rest = unexplained_once([*merged([*saturations, *of_runs], self.count), *self._of_implausible()])
         # causes that explain little imitate what is not looked for, which then comes first
         first, others = _split(rest) if self._imitated else ([], rest)
@@ -264,18 +262,20 @@ class JudgedRuns:
 
     def _of_run(self, k: int, silent: set[str]) -> list[Contribution]:
         """Findings in one run beside the causes."""
-        run, judgement, found = self.runs[k], self.judgement, list[Contribution]()
+        run, judgement, contributions = self.runs[k], self.judgement, list[Contribution]()
         fits, base = self.last
         if not self.named and run.name not in silent:
             no_news = MATTERS * self.count * self.u  # a run's part in the pooled tensor
-            apart = least_squares_difference(fits[k], base.alone[k], no_news)
+            apart = least_squares_difference(fits[k], base.single_runs[k], no_news)
             if apart.chance < DIFFERENT:
-                found.append(Contribution(least_squares_cause(apart, run.name), apart.value[:, None] / self.count))
+                contributions.append(
+                    Contribution(least_squares_cause(apart, run.name), apart.value[:, None] / self.count)
+                )
         imitated = bool(self.named) and judgement.explained[k] <= EXPLAINS
         left_over = judgement.unexplained[k]
         if left_over > (IMITATED if imitated else UNEXPLAINED):
             verdict = _unexplained(run, left_over, judgement.rows[k])
-            found.append(Contribution(verdict, np.diag(left_over * self.u / np.sqrt(self.count))))
+            contributions.append(Contribution(verdict, np.diag(left_over * self.u / np.sqrt(self.count))))
         lines = [] if self.result.method == "joint" else lines_of(run, self.result)
         peak, changes = resonance(run, self.problem.band), np.zeros((6, 0))
         if peak is not None:
@@ -283,7 +283,7 @@ class JudgedRuns:
             by_mounting = peak.added_to_tensor(motion.omega, motion.alpha, self.result.inertia)
             lines = lines or [peak.verdict(run, by_mounting)]
             changes = np.diag(by_mounting / np.sqrt(self.count))
-        return found + [Contribution(line, changes if line is lines[0] else np.zeros((6, 0))) for line in lines]
+        return contributions + [Contribution(line, changes if line is lines[0] else np.zeros((6, 0))) for line in lines]
 
     def _of_implausible(self) -> list[Contribution]:
         """A finding on residuals that follow the motion in all runs, by no known cause; not divided by their number."""
@@ -357,41 +357,41 @@ def named_runs(names: Sequence[str], count: int) -> str:
     return listed if len(names) == 1 else f"{len(names)} of {count} runs ({listed})"
 
 
-def merged(found: Sequence[Contribution], count: int) -> list[Contribution]:
+def merged(contributions: Sequence[Contribution], count: int) -> list[Contribution]:
     """Return findings on single runs with one line for each, in the words of the run where it shows most.
 
     Args:
-        found: whose text begins with their run.
+        contributions: whose text begins with their run.
         count: of all runs.
     """
     groups: dict[tuple[str, str], list[Contribution]] = {}
-    for one in found:
-        axis = one.finding.axis * (one.finding.cause != Finding.UNEXPLAINED.label)
-        groups.setdefault((one.finding.cause, axis), []).append(one)
+    for part in contributions:
+        axis = part.finding.axis * (part.finding.cause != Finding.UNEXPLAINED.label)
+        groups.setdefault((part.finding.cause, axis), []).append(part)
     lines = []
     for group in groups.values():
-        largest = max(group, key=lambda one: one.finding.share).finding
-        names = list(dict.fromkeys(one.finding.run for one in group))
+        largest = max(group, key=lambda part: part.finding.share).finding
+        names = list(dict.fromkeys(part.finding.run for part in group))
         words = largest.text.removeprefix(f"{largest.run}: ")
         text = f"{named_runs(names, count)}: {words}{f' (as in {largest.run})' if len(names) > 1 else ''}"
-        changes = np.hstack([one.changes for one in group])
+        changes = np.hstack([part.changes for part in group])
         lines.append(Contribution(largest._replace(run=", ".join(names), text=text), changes))
     return lines
 
 
-def _split(found: Sequence[Contribution]) -> tuple[list[Contribution], list[Contribution]]:
+def _split(contributions: Sequence[Contribution]) -> tuple[list[Contribution], list[Contribution]]:
     """Findings that no cause explains, and the others."""
-    unexplained = [one.finding.cause == Finding.UNEXPLAINED.label for one in found]
-    pairs = list(zip(found, unexplained, strict=True))
-    return [one for one, is_it in pairs if is_it], [one for one, is_it in pairs if not is_it]
+    unexplained = [part.finding.cause == Finding.UNEXPLAINED.label for part in contributions]
+    pairs = list(zip(contributions, unexplained, strict=True))
+    return [part for part, is_it in pairs if is_it], [part for part, is_it in pairs if not is_it]
 
 
-def unexplained_once(found: Sequence[Contribution]) -> list[Contribution]:
+def unexplained_once(contributions: Sequence[Contribution]) -> list[Contribution]:
     """Return findings with one line on what no cause explains, the first, and what all of it costs."""
-    unexplained, others = _split(found)
+    unexplained, others = _split(contributions)
     if not unexplained:
         return others
-    return [Contribution(unexplained[0].finding, np.hstack([one.changes for one in unexplained])), *others]
+    return [Contribution(unexplained[0].finding, np.hstack([part.changes for part in unexplained])), *others]
 
 
 def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, list[FollowedCause]]:

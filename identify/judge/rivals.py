@@ -95,7 +95,7 @@ def tensor_shift(
     if result.method != "joint":
         return tensor_change(way.fits, weights, columns)[:, 0]
     lines = [fit.transformed(part) for fit, part in zip(way.fits, columns, strict=True)]
-    return np.asarray(way.base.ten @ way.base.beside(lines).shared)[4:, 0]
+    return np.asarray(way.base.ten @ way.base.beside(lines).by_shared)[4:, 0]
 
 
 def effect(shift: Float[np.ndarray, "6"], standard_uncertainty: Float[np.ndarray, "6"]) -> str:

@@ -125,7 +125,7 @@ def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> Base:
     runs = [
         FittedLines(
             departure=fit.residuals + fit.columns @ fit.best, frequency=fit.frequency,
-            own=fit.columns[:, :, ~common], own_precision=prior.counted[~common], shared=fit.columns[:, :, common],
+            of_run=fit.columns[:, :, ~common], run_precision=prior.counted[~common], shared=fit.columns[:, :, common],
         )
         for fit in fits
     ]  # fmt: skip
@@ -255,6 +255,6 @@ def least_squares_difference(fit: RunFit, base: Base, no_news: np.ndarray) -> Es
     gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, residuals)
     noise = gain * np.sqrt(spectrum(residuals, 1 - base.leverage[0]))[:, :, None]
-    taken = products(gain, gain) - products(gain, base.beside([gain]).left[0])
+    taken = products(gain, gain) - products(gain, base.beside([gain]).remaining[0])
     values, vectors = np.linalg.eigh(products(noise, noise) - taken)
     return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(no_news**2))
