@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.helpers import laboratory_files
+from tests.helpers import judge_margins, laboratory_files
 from tests.helpers.laboratory import RATE, Setup, measure
 from tests.helpers.troubles import TROUBLES, shift, size_for
 from uq.experiment.experiment import Experiment
@@ -56,3 +56,9 @@ def test_a_size_is_scaled_to_a_shift():
     assert size_for(missed, 3.0, u, 1, **still) == missed.most
     small = size_for(missed, 3.0, u, 1, force_rows=True, **still)
     assert np.abs(shift(missed, small, 1, force_rows=True, **still) / u).max() == pytest.approx(3, rel=0.1)
+
+
+def test_a_clean_run_stays_within_the_limits_of_the_judge():
+    reached = judge_margins.margins(0)
+    for name, (sign, limit) in judge_margins.LIMITS.items():
+        assert reached[name] <= limit if sign == "≤" else reached[name] >= limit, name

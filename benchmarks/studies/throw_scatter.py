@@ -7,17 +7,15 @@ is shown of the IMU's axes: their six cross-axis terms, which may stand for a tu
 angles, are fitted to all runs of a body, and those of the other bodies correct it.
 """
 
-import argparse
 import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
-from benchmarks.studies.throws import MOMENTS
+from benchmarks.studies.throws import MOMENTS, asked
 from identify.estimators.run_information import information
 from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
@@ -105,12 +103,7 @@ def table(folder: Path, experiment: Experiment) -> Iterator[str]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--experiment", default="uq/examples/throws.toml")
-    arguments = parser.parse_args()
-    jax.config.update("jax_enable_x64", True)
-    for line in table(arguments.folder, Experiment.load(arguments.experiment)):
+    for line in table(*asked(__doc__)):
         print(line, flush=True)
 
 

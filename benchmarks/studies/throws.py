@@ -90,7 +90,7 @@ def second(result: Identification) -> np.ndarray:
 def ways_of(experiment: Experiment) -> dict[str, Way]:
     """Return what is compared, by name."""
     estimator = experiment.estimator()
-    undeclared = replace(experiment, sources=(), mixing=())
+    undeclared = without_sources(experiment)
 
     def loaded(files: Sequence[Path]) -> list[Run]:
         return [load_run(file, experiment.recording) for file in files]
@@ -162,18 +162,30 @@ def components(folder: Path, experiment: Experiment) -> Iterator[str]:
         yield from (f"  warning: {text}" for text in result.warnings)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def without_sources(experiment: Experiment) -> Experiment:
+    """Return an experiment that declares no error."""
+    return replace(experiment, sources=(), mixing=())
+
+
+def asked(description: str | None) -> tuple[Path, Experiment]:
+    """Return folder and experiment of the command line, float64 switched on."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--experiment", default="uq/examples/throws.toml")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
+    return arguments.folder, Experiment.load(arguments.experiment)
+
+
+def main() -> None:
+    """Print the table."""
+    folder, experiment = asked(__doc__)
     if not AVAILABLE:
         print(INSTALL)
-    experiment = Experiment.load(arguments.experiment)
-    for line in (*table(arguments.folder, ways_of(experiment)), *components(arguments.folder, experiment)):
+    for line in table(folder, ways_of(experiment)):
         print(line, flush=True)
+    for words, declared in (("as declared", experiment), ("no sources", without_sources(experiment))):
+        print(words, *components(folder, declared), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from identify.judge.conventions.convention_fit import (
     WrenchSignal,
     convention_sums,
 )
-from identify.judge.evidence import Base, evidence
+from identify.judge.findings import MATTERS
 from identify.judge.judged_fits import lasting
 from identify.judge.run_fit import DIFFERENT, least_squares_difference
 from identify.signals.power_spectrum import welch
@@ -75,11 +75,11 @@ def _of_imu(measured):
 
 
 def _of_residuals(measured):
-    fits, bands = [], []
+    asked, bands = [], []
 
-    def watched(fit, *declared):
-        fits.append((fit, declared))
-        return original(fit, *declared)
+    def watched(*arguments):
+        asked.append(arguments)
+        return original(*arguments)
 
     original = judged_result.followed
     judged_result.followed = watched
@@ -88,16 +88,15 @@ def _of_residuals(measured):
         result = identified(measured)
     finally:
         judged_result.followed, judged_result.resonance = original, resonance.resonance
-    fit, declared = fits[-1]
-    base = Base(fit.residuals, fit.columns, fit.prior.counted)
-    judged = [evidence(base, cause, fit.transformed(cause.columns * cause.size))
-              for cause in causes.causes(fit.prediction, free=declared[0])]  # fmt: skip
+    fits, excluded, base = asked[-1]
+    judged = [cause.judged(base) for cause in causes.candidates(fits, excluded)]
     judged = [verdict for verdict in judged if verdict is not None]
     run, band = bands[-1]
     spectra = [welch(signal, run.rate, round(resonance.SEGMENT * run.rate)) for signal in (run.force, run.moment)]
     return (
         max(verdict.logarithm for verdict in judged), min(verdict.chance for verdict in judged),
-        original(fit, *declared).unexplained, least_squares_difference(fit, fit.base, result.standard_uncertainty).chance,
+        max(original(fits, excluded, base).unexplained),
+        least_squares_difference(fits[0], base, MATTERS * result.standard_uncertainty).chance,
         max(resonance._peak(frequency, column, resonance.ABOVE * band)[1]
             for frequency, density in spectra for column in density.T),
     )  # fmt: skip
