@@ -62,7 +62,7 @@ def identified(path: Path, experiment: Experiment, *, method: str) -> Stated:
         result = identify_files([path], experiment, method=method)
     except RunError:
         return Stated(None, True)
-    return Stated(result.interval95, bool(result.warnings), result.interval95_with_undeclared)
+    return Stated(result.interval95, bool(result.warnings), result.conventional_bound)
 
 
 def plain(path: Path, experiment: Experiment) -> Stated:

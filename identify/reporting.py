@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-VERSION = 1
+VERSION = 2
 """Version of result files (uq/schemas/result.json), raised when a key leaves or changes its meaning."""
+READ_VERSIONS = (1, VERSION)
+"""Versions that are read."""
 PLACE: ContextVar[Any] = ContextVar("place", default=None)
 """The figure, or part of one, that is filled instead of a new figure; None: a new one is made."""
 
@@ -274,10 +276,9 @@ def _bare(value: Any) -> str:
 def interval_records(result: Any, **columns: Iterable[Any]) -> list[dict[str, Any]]:
     """Return a row for each value of a result: some columns, standard uncertainty and the ends of its intervals."""
     columns["standard_uncertainty"] = result.standard_uncertainty
-    intervals = {"": result.interval95, "_with_undeclared": result.interval95_with_undeclared}
-    for name, interval in intervals.items():
-        if interval is not None:
-            columns |= {f"low95{name}": interval[:, 0], f"high95{name}": interval[:, 1]}
+    for name, ends in (("95", result.interval95), ("_bound", result.conventional_bound)):
+        if ends is not None:
+            columns |= {f"low{name}": ends[:, 0], f"high{name}": ends[:, 1]}
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -84,7 +84,7 @@ def interval(estimate: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 def second(result: Identification) -> np.ndarray:
     """Return the second interval, which holds undeclared errors."""
-    return np.asarray(result.interval95_with_undeclared)
+    return np.asarray(result.conventional_bound)
 
 
 def ways_of(experiment: Experiment) -> dict[str, Way]:
@@ -155,7 +155,7 @@ def components(folder: Path, experiment: Experiment) -> Iterator[str]:
     for body, about in json.loads((folder / "truth.json").read_text()).items():
         truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
         result = identify_files(sorted(folder.glob(f"{body}_*.mcap")), experiment)
-        first, second = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared))
+        first, second = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.conventional_bound))
         rows = zip(COMPONENTS, 1e6 * (result.inertia - truth), 1e6 * first, 1e6 * second, strict=True)
         yield f"{body}, pooled, kg·mm²: error, half-widths of the first and second interval"
         yield from (f"  {name} {error:8.2f} ± {one:.2f} ± {two:.2f}" for name, error, one, two in rows)

@@ -1,7 +1,7 @@
 """Typical sizes of errors of a rig that nobody has calibrated: standard uncertainties, each with its origin.
 
-One table for the judge's priors and for the second interval (``[undeclared]`` of an experiment file). The figures are
-known to some 30 to 50 %; docs/how-to/identify.md says what data sheets and studies they are from.
+One table for the judge's priors and for the conventional bound (``[undeclared]`` of an experiment file). The figures
+are known to some 30 to 50 %; docs/how-to/identify.md says what data sheets and studies they are from.
 """
 
 from collections.abc import Mapping

@@ -89,6 +89,6 @@ class ResidualCause(NamedTuple):
     changes: tuple[float, ...] = ()
     """Change that the cause would make in mass [kg], r_CG [m] and tensor [kg·m²]; () where that is not known."""
     note: bool = False
-    """Whether the second interval holds the cause already, which then is no warning."""
+    """Whether the conventional bound holds as much at typical size already, which then is no warning."""
     docs: str = ""
     """Place in the documentation that says what it looks like, its cure, and how often it is named."""

@@ -191,12 +191,27 @@ class Identification(Result):
         return np.concatenate([np.broadcast_to(self.centre_factor, 4), tensor_factors])
 
     @property
-    def with_undeclared(self) -> "Identification":
-        """The result whose uncertainties and intervals hold the undeclared errors, too; itself where it has none."""
-        if self.undeclared is None or not self.undeclared.effects:
-            return self
-        changes = np.hstack([effect.changes for effect in self.undeclared.effects])
-        return replace(self.widened(changes), undeclared=Undeclared())
+    def with_undeclared(self) -> InertialParameters:
+        """The ten parameters, whose covariance holds undeclared errors at typical size, too, where they are known."""
+        ten = self.parameters
+        return ten if self.undeclared is None else replace(ten, covariance=ten.covariance + self.undeclared.covariance)
+
+    @property
+    def intervals95(self) -> Float[np.ndarray, "10 2"]:
+        """Coverage intervals of 95 % of the ten parameters, by measured and declared errors [kg, m, kg·m²]."""
+        return np.vstack([mass_and_centre.interval95(self.parameters, self.centre_factor), self.interval95])
+
+    @property
+    def conventional_bounds(self) -> Float[np.ndarray, "10 2"] | None:
+        """Coverage intervals of the ten parameters, widened by k = 2 of undeclared errors; None: these are not known.
+
+        Squares of the half-widths add. The bound has no coverage probability: the typical sizes are guesses.
+        """
+        if self.undeclared is None:
+            return None
+        half = self.coverage_factors * self.parameters.standard_uncertainty
+        out = self.undeclared.half_width(half) - half
+        return self.intervals95 + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1]
 
     def widened(self, changes: Float[np.ndarray, "10 k"]) -> "Identification":
         """Return the result whose uncertainties and intervals hold further normal errors.
@@ -222,9 +237,10 @@ class Identification(Result):
         )
 
     @property
-    def interval95_with_undeclared(self) -> np.ndarray | None:
-        """Coverage interval of 95 % with undeclared errors at typical size, too, (6, 2) [kg·m²]; None: not known."""
-        return None if self.undeclared is None else self.with_undeclared.interval95
+    def conventional_bound(self) -> np.ndarray | None:
+        """The tensor's part of ``conventional_bounds``, (6, 2) [kg·m²]; None: not known."""
+        bounds = self.conventional_bounds
+        return None if bounds is None else bounds[4:]
 
     @property
     def contributions(self) -> Mapping[str, np.ndarray]:
@@ -235,7 +251,7 @@ class Identification(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
-        wide = None if self.undeclared is None else self.with_undeclared
+        bounds = self.conventional_bounds
         content = {
             **self.form(),
             "status": status(self.contradicted),
@@ -246,13 +262,13 @@ class Identification(Result):
             "bias": by_component(self.bias),
             "standard_uncertainty": by_component(self.standard_uncertainty),
             "interval95": by_component(self.interval95),
-            "interval95_with_undeclared": None if wide is None else by_component(wide.interval95),
+            "conventional_bound": None if bounds is None else by_component(bounds[4:]),
             "covariance": self.covariance.tolist(),
             "principal": principal_axes(self.inertia, self.covariance).to_dict(),
             "about_q": None if self.mass is None else self.parameters.about().to_dict(),
             "about_datum": None if self.datum is None else self.parameters.in_datum(self.datum).to_dict(),
             "tare": None if self.tare is None else self.tare.to_dict(),
-            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from, _centre_ends(wide)),
+            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from, bounds),
             "method": self.method,
             "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
             "rotation": _rotation_content(self.rotation),
@@ -288,10 +304,6 @@ def _rotation_content(rotation: Aligned | None) -> dict[str, Any]:
         return {"value": np.eye(3).tolist(), "estimated": False}
     matrix, vector = exponential(rotation.value).tolist(), rotation.value.tolist()
     return rotation.to_dict() | {"value": matrix, "rotation_vector": vector}
-
-
-def _centre_ends(wide: Identification | None) -> np.ndarray | None:
-    return None if wide is None else mass_and_centre.interval95(wide.parameters, wide.centre_factor)
 
 
 def covering_bias(result: Identification, bias: Float[np.ndarray, "6"]) -> Identification:

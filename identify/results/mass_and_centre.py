@@ -26,7 +26,7 @@ def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.
 
 
 def content(
-    ten: InertialParameters, factor: np.ndarray | float, source: str, wide: np.ndarray | None = None
+    ten: InertialParameters, factor: np.ndarray | float, source: str, bounds: np.ndarray | None = None
 ) -> dict[str, Any]:
     """Return what result.json says of mass and centre of gravity, in SI; null for what is not known or counts as exact.
 
@@ -36,9 +36,9 @@ def content(
         ten: the ten parameters.
         factor: coverage factor of all four, or of each.
         source: where they come from.
-        wide: intervals of 95 % with undeclared errors at typical size, (4, 2) [kg, m]; None: not known.
+        bounds: conventional bounds of the ten parameters, (10, 2) [kg, m, kg·m²]; None: not known.
     """
-    second = [None] * 4 if wide is None else wide.tolist()
+    by_parameter = [None] * 4 if bounds is None else bounds.tolist()
     u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
     has_mass, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
     mass_source = DECLARED if source == ESTIMATED and not uncertain else source
@@ -47,14 +47,14 @@ def content(
             "value": ten.mass if has_mass else None,
             "standard_uncertainty": float(u[0]) if uncertain else None,
             "interval95": intervals[0] if uncertain else None,
-            "interval95_with_undeclared": second[0] if has_mass else None,
+            "conventional_bound": by_parameter[0] if has_mass else None,
             "from": mass_source if has_mass else None,
         },
         "cg": {
             "value": ten.r_cg.tolist(),
             "standard_uncertainty": u[1:4].tolist(),
             "interval95": intervals[1:],
-            "interval95_with_undeclared": None if wide is None else second[1:],
+            "conventional_bound": None if bounds is None else by_parameter[1:4],
             "from": source,
         },
     }

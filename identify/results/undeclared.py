@@ -1,4 +1,4 @@
-"""Errors that are neither declared nor estimated, at typical size, and the second interval that holds them."""
+"""Errors that are neither declared nor estimated, at typical size, and the conventional bound that holds them."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.pooling import NORMAL
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
 
@@ -16,6 +15,11 @@ QUANTITIES = (
     *((name, "g·m²", GRAM_METRE) for name in COMPONENTS),
 )
 """The ten parameters as they are said: name, unit, that unit's number in one of SI."""
+CONVENTIONAL = 2.0
+"""Factor of the standard uncertainty of undeclared errors in the conventional bound.
+
+Convention: their sizes are typical ones, known to 30 to 50 %, so that no factor has a coverage probability.
+"""
 LARGEST_SHARE = 1 / 3
 """u of undeclared errors over u above which a result depends on what nobody declared: a third makes u 5 % larger, which
 two digits hardly show."""
@@ -67,7 +71,7 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class Undeclared:
-    """Errors that a result's first interval leaves out and its second one holds."""
+    """Errors that a result's coverage interval leaves out and its conventional bound holds."""
 
     effects: tuple[Effect, ...] = ()
 
@@ -107,8 +111,8 @@ class Undeclared:
         return Gap(effect=self.effects[row], parameter=int(parameter), share=float(shares[row][parameter]))
 
     def half_width(self, half: Float[np.ndarray, "10"]) -> Float[np.ndarray, "10"]:
-        """Return half the second intervals of 95 % from half the first ones: squares add, these errors are normal."""
-        return np.hypot(half, NORMAL * self.standard_uncertainty)
+        """Return half of the conventional bounds from half of the coverage intervals of 95 %: squares add."""
+        return np.hypot(half, CONVENTIONAL * self.standard_uncertainty)
 
     def to_dict(self) -> list[dict[str, Any]]:
         """Return the content of result.json, in SI."""

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.reporting import VERSION, Result, interval_records
+from identify.reporting import READ_VERSIONS, VERSION, Result, interval_records
 from identify.results.covariances import least_eigenvalue
 from identify.results.undeclared import Effect, Undeclared
 from identify.static.gain_check import GainCheck
@@ -87,8 +87,8 @@ class Centre(Result):
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
-    def interval95_with_undeclared(self) -> np.ndarray | None:
-        """Coverage intervals of 95 % with undeclared errors at typical size, too, (10, 2); None: not known."""
+    def conventional_bound(self) -> np.ndarray | None:
+        """Intervals of the ten parameters, widened by k = 2 of undeclared errors, (10, 2); None: not known."""
         if self.undeclared is None:
             return None
         half = self.undeclared.half_width(self.coverage_factor * self.standard_uncertainty)
@@ -125,15 +125,15 @@ class Centre(Result):
         (force, moment), (axes, along) = self.residual, self.directions
         degrees = np.broadcast_to(self.degrees_of_freedom, len(PARAMETERS))
 
-        wide = self.interval95_with_undeclared
-        second = None if wide is None else wide.tolist()
+        ends = self.conventional_bound
+        bounds = None if ends is None else ends.tolist()
 
         def block(value: Any, where: slice | int) -> dict[str, Any]:
             return {
                 "value": value,
                 "standard_uncertainty": u[where],
                 "interval95": intervals[where],
-                "interval95_with_undeclared": None if second is None else second[where],
+                "conventional_bound": None if bounds is None else bounds[where],
             }
 
         return {
@@ -180,7 +180,7 @@ class Centre(Result):
         """
         if not isinstance(content, Mapping) or content.get("kind") != Centre.kind:
             raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
-        if content.get("version") != VERSION:
+        if content.get("version") not in READ_VERSIONS:
             raise RunError(f"{name} is of another version than {VERSION}: run `inertia centre` again")
         if content.get("parameters") != list(PARAMETERS) or content.get("units") != list(UNITS):
             raise RunError(f"{name} has other parameters or units than those of a centre: run `inertia centre` again")

@@ -86,7 +86,7 @@ def undeclared_row(name: str, sizes: dict[str, float], told: dict[str, float], r
         read = gained(rng, sizes, weight) + TRUTH[4:] + rng.normal(size=(24, 6)) * NOISE
         result = centre(read[:, :3], read[:, 3:], f)
         result = centre_with_undeclared(result, experiment, wrench=read, specific_force=f, sensed=False)
-        halves = [np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared)]
+        halves = [np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.conventional_bound)]
         inside.append([off(result, half) <= 1 for half in halves])
         ratio.append(halves[1][0] / halves[0][0])
     held = (100 * np.mean(inside, axis=(0, 2))).round(1)

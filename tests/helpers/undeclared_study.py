@@ -98,8 +98,8 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
             effects = [effect._replace(changes=size * effect.changes) for effect in result.undeclared.effects]
             oracle = replace(result, undeclared=Undeclared(tuple(effects)))
             by_method[method] = Answer(
-                first=result.interval95, second=result.interval95_with_undeclared,
-                oracle=oracle.interval95_with_undeclared, warned=bool(result.warnings), truth=measured.truth,
+                first=result.interval95, second=result.conventional_bound,
+                oracle=oracle.conventional_bound, warned=bool(result.warnings), truth=measured.truth,
             )  # fmt: skip
     return by_method
 

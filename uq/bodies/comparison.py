@@ -75,7 +75,7 @@ class Comparison(Result):
     @property
     def normalised_error_with_undeclared(self) -> np.ndarray:
         """E_n of each component with U of undeclared errors, too, at typical size; NaN: not known."""
-        second = self.result.interval95_with_undeclared
+        second = self.result.conventional_bound
         if second is None:
             return np.full(6, np.nan)
         half = np.fmax(np.ptp(second, axis=1) / 2, self.factor[4:] * self.measured.standard_uncertainty)

@@ -105,19 +105,6 @@ def of_intervals(
     return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=ends, freedom=freedom)
 
 
-def of_normal(
-    names: tuple[str, ...],
-    value: np.ndarray,
-    standard: np.ndarray,
-    *,
-    factor: float | None = None,
-    probability: float | None = None,
-) -> Expanded:
-    """Return quantities of known standard uncertainty, taken as normal, with their expanded uncertainty."""
-    ends = value[:, None] + (scipy.special.ndtri((1 + USUAL) / 2) * standard)[:, None] * [-1, 1]
-    return of_intervals(names, value, standard, ends, factor, probability)
-
-
 def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Coverage factor and probability of each; one of the two may be asked for, else 95 %."""
     if factor is not None:

@@ -18,8 +18,8 @@ Rule = Literal["simple", "guarded"]
 Outcome = Literal["conforms", "does not conform", "undecided"]
 RULES: Mapping[Rule, str] = {
     "simple": "simple acceptance: the value lies within the limits, whatever its uncertainty (JCGM 106, 8.2)",
-    "guarded": "guarded acceptance: the value lies within the limits by at least the expanded uncertainty U; it does "
-    "not conform where it lies outside them by more than U (JCGM 106, 8.3)",
+    "guarded": "guarded acceptance: the value lies within the limits by at least half its conventional bound, which is "
+    "U where no error is undeclared; it does not conform where it lies outside them by more (JCGM 106, 8.3)",
 }
 
 
@@ -59,7 +59,7 @@ def decide(
         conformity: limits and rule.
         inertia: packed tensor [kg·m²].
         standard_uncertainty: of its components [kg·m²].
-        expanded: their expanded uncertainty U [kg·m²].
+        expanded: half of their conventional bounds [kg·m²].
     """
     scale = np.maximum(standard_uncertainty, 1e-300)
     decisions = []

@@ -26,7 +26,7 @@ def typical(unit: str) -> msgspec.Meta:
 class UndeclaredTable(TomlTable, frozen=True, kw_only=True):
     """``[undeclared]``: typical standard uncertainties of errors that are not declared; false: there is none.
 
-    The second interval of a result holds them. docs/how-to/identify.md gives the figures and where they are from.
+    The conventional bound of a result holds them. docs/how-to/identify.md gives the figures and where they are from.
     """
 
     force_gain: Annotated[float | None, typical("%")] = TYPICAL["force_gain"]

@@ -1,4 +1,4 @@
-"""Effects of errors that are neither declared nor estimated, at typical figures: second intervals of runs and poses.
+"""Effects of errors that are neither declared nor estimated, at typical figures: conventional bounds of runs and poses.
 
 By the derivatives of the estimate that was made: of least squares those of type B
 (:mod:`uq.identification.systematic_errors`), of the joint estimate and for the mounting's flexibility those of
@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
+from identify.judge.findings import Finding
 from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
@@ -31,9 +32,21 @@ from uq.sources.source import Source
 NEGLIGIBLE = 1e-9
 """Part of the mass, of a metre and of the moments of inertia below which an error adds nothing: rounding."""
 PRICE = 0.1
-"""Part by which a cause must widen the second interval to be a warning.
+"""Part by which a cause must widen the conventional bound to be a warning.
 
-Price: stated as such. What a result takes as exact is not widened: there the second interval must hold the cause.
+Price: stated as such. What a result takes as exact is not widened: there the bound must hold the cause.
+"""
+NAMED = {
+    finding.label: name
+    for finding, name in (
+        (Finding.GYRO_SCALE, "gyro_scale"), (Finding.GYRO_AXES, "gyro_axes"), (Finding.DELAY, "delay"),
+        (Finding.ACCELEROMETER_PLACE, "accelerometer_place"), (Finding.ACCELEROMETER_SCALE, "accelerometer_scale"),
+    )
+}  # fmt: skip
+"""Errors whose value in the runs, with its uncertainty, takes the place of their typical size, by the finding's label.
+
+Not gains, cross-talk and axes of the load cell: runs show a part of their numbers, and typical sizes hold the others.
+Not mass and centre of gravity, which the result keeps as they are stated.
 """
 STEP = 0.01
 """Step of the finite differences, in standard uncertainties."""
@@ -88,21 +101,21 @@ def with_undeclared(
                 raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
             changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    return noted(replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects)))
+    result = noted(replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects)))
+    named = {NAMED.get(cause.cause) for cause in result.consistency}  # its value is part of the covariance
+    return replace(result, undeclared=Undeclared(tuple(e for e in result.undeclared.effects if e.name not in named)))
 
 
 def noted(result: Identification) -> Identification:
-    """Return a result whose warnings are without the causes that its second interval holds: these are notes."""
-    half, wide_half = (
-        interval.coverage_factors * interval.parameters.standard_uncertainty
-        for interval in (result, result.with_undeclared)
-    )
+    """Return a result whose warnings are without the causes that its conventional bound holds: these are notes."""
+    half = result.coverage_factors * result.parameters.standard_uncertainty
+    bound = half if result.undeclared is None else result.undeclared.half_width(half)
     consistency = []
     for cause in result.consistency:
         # a shift counts as a standard uncertainty, and what it explains widens what the residuals show
         seen = np.where(np.isfinite(half), half, 0.0)
         added = 4 * np.square(cause.changes or np.inf) + cause.share * seen**2
-        allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * wide_half**2, 4 * wide_half**2)
+        allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * bound**2, 4 * bound**2)
         consistency.append(cause._replace(note=bool((added <= allowed).all())))
     notes = {cause.text for cause in consistency if cause.note}
     warnings = tuple(text for text in result.warnings if text not in notes)

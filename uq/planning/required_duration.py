@@ -98,7 +98,7 @@ class Duration(Result):
 
     @property
     def floor(self) -> float:
-        """Average 3σ by undeclared errors at typical size, which the second interval holds at any duration [kg·m²]."""
+        """Average 3σ by undeclared errors at typical size, in the conventional bound at any duration [kg·m²]."""
         return float(average(3 * np.sqrt(self.growth.undeclared), self.goal))
 
     @property

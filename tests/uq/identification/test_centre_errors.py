@@ -233,24 +233,22 @@ def test_the_centre_is_off_as_the_poses_are(tmp_path, silent, name, column, matr
         np.testing.assert_allclose(off[rows], expected[rows], atol=0.02 * np.abs(expected[rows]).max() + atol)
 
 
-def test_the_second_interval_is_written_shown_and_read_back(tmp_path, silent):
+def test_the_conventional_bound_is_written_shown_and_read_back(tmp_path, silent):
     """The mass: gains of 0.25 % in common and by axis, of which a third counts, and 15 mm/s² of 9.81 m/s²."""
     result = centre_file(poses_file(tmp_path / "p.csv", noise=1.0), experiment_of(silent, sources=[]))
-    half, wide = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.interval95_with_undeclared))
+    half, wide = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.conventional_bound))
     added = MASS * np.sqrt(0.0025**2 * 4 / 3 + (0.015 / GRAVITY) ** 2)
     talk = np.linalg.norm(by_name(result)["cross_talk"], axis=1)[0]
-    assert wide[0] == pytest.approx(np.hypot(half[0], 1.96 * np.hypot(added, talk)), rel=0.03)
+    assert wide[0] == pytest.approx(np.hypot(half[0], 2 * np.hypot(added, talk)), rel=0.03)
     u = np.sqrt(np.sum([np.square(changes).sum(axis=1) for changes in by_name(result).values()], axis=0))
-    np.testing.assert_allclose(wide, np.hypot(half, 1.959964 * u), rtol=1e-6)
+    np.testing.assert_allclose(wide, np.hypot(half, 2 * u), rtol=1e-6)
     content = json.loads(json.dumps(result.to_dict()))
-    assert content["mass"]["interval95_with_undeclared"] == result.interval95_with_undeclared[0].tolist()
-    np.testing.assert_array_equal(
-        Centre.from_dict(content).interval95_with_undeclared, result.interval95_with_undeclared
-    )
-    assert Centre.from_dict(content | {"undeclared": None}).interval95_with_undeclared is None
-    assert "with undeclared errors" in repr(result)
+    assert content["mass"]["conventional_bound"] == result.conventional_bound[0].tolist()
+    np.testing.assert_array_equal(Centre.from_dict(content).conventional_bound, result.conventional_bound)
+    assert Centre.from_dict(content | {"undeclared": None}).conventional_bound is None
+    assert "conventional bound" in repr(result)
     complete = replace(experiment_of(silent, sources=[]), undeclared=NONE)
-    assert "with undeclared errors" not in repr(centre_file(tmp_path / "p.csv", complete))
+    assert "conventional bound" not in repr(centre_file(tmp_path / "p.csv", complete))
 
 
 def test_a_declared_alignment_takes_the_place_of_the_load_cells_axes(tmp_path, silent):

@@ -76,7 +76,7 @@ def test_the_centres_covariance_goes_into_the_tensor_in_full(short, files, plain
     np.testing.assert_allclose(covariance[4:, 0], by @ spread[1:4, 0], rtol=1e-6, atol=1e-15)
     assert (np.diff(known.interval95, axis=1) > np.diff(exact.interval95, axis=1)).all()
     content = plain.to_dict()
-    assert content["mass"].pop("interval95_with_undeclared") == content["mass"]["interval95"]
+    assert content["mass"].pop("conventional_bound") == content["mass"]["interval95"]
     factor = centre_of(WHOLE).coverage_factor[0]
     assert content["mass"] == {
         "value": WHOLE.mass, "standard_uncertainty": pytest.approx(1e-3),
@@ -162,7 +162,7 @@ def test_a_datum_and_a_scale(short, files, plain):
     }  # fmt: skip
     declared = type(short).from_dict(document)
     found = identify_files([files / "whole.mcap"], declared, estimator="smoothed").to_dict()
-    found["mass"].pop("interval95_with_undeclared")
+    found["mass"].pop("conventional_bound")
     assert found["mass"] == {
         "value": 19.7, "standard_uncertainty": pytest.approx(0.005), "interval95": pytest.approx([19.6902, 19.7098]),
         "from": "declared",

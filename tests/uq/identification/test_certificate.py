@@ -178,7 +178,7 @@ def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
     assert mass_and_centre(result, Report(coverage_factor=2.0)).rows[0][3:5] == ["0.020", "2.00"]
     assert result.to_dict()["mass"] == {
         "value": 19.7, "standard_uncertainty": 0.01, "interval95": pytest.approx([19.675, 19.725]),
-        "from": "static poses", "interval95_with_undeclared": pytest.approx([19.675, 19.725]),
+        "from": "static poses", "conventional_bound": pytest.approx([19.675, 19.725]),
     }  # fmt: skip
     assert "19.675 … 19.725" in str(result)
     exact = dataclasses.replace(result, mass_uncertainty=None, mass_covariance=None)
@@ -214,7 +214,7 @@ def test_nothing_passes_while_u_rests_on_typical_figures(full, part, passes):
     content = {**full.provenance["report"], "conformity": LIMITS}
     page = result_of(report(reported(result, **content)))
     assert ("is passed" in page) is passes
-    assert ("U rests on typical figures" in page or "is not known" in page) is not passes
+    assert ("U leaves out errors that nobody declared" in page or "is not known" in page) is not passes
     assert ("I11: undecided while undeclared errors are not known." in page) is bool(np.isnan(part))
     assert ("Conforms with drawing 4: I11." in page) is not np.isnan(part)
 
@@ -250,26 +250,31 @@ def test_nothing_passes_while_items_are_not_stated(plain):
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_the_first_page_has_both_intervals_and_u_by_origin(plain):
-    """U is that of all errors; beside it what is measured, declared and typical, in squares, and the other interval."""
+def test_the_first_page_has_interval_and_bound_and_u_by_origin(plain):
+    """U is of what is measured and declared; beside it the bound that typical errors widen by twice their u, in squares."""
+    plain = declared(plain, 0.8)
     certificate = Certificate(plain)
     tensor, origins = certificate.tables()[:2]
-    wide, added = plain.with_undeclared, plain.undeclared.standard_uncertainty[4:]
-    np.testing.assert_allclose(certificate.tensor.standard**2, plain.standard_uncertainty**2 + added**2)
-    np.testing.assert_allclose(certificate.tensor.interval, wide.interval95)
-    assert tensor.head[:5] == ["", "value", "coverage interval", "U", "k"]
-    assert origins.head == ["", "measured", "declared", "typical", "95 % without typical"]
+    added = plain.undeclared.standard_uncertainty[4:]
+    np.testing.assert_allclose(certificate.tensor.standard, plain.standard_uncertainty)
+    np.testing.assert_allclose(certificate.tensor.interval, plain.interval95)
+    assert tensor.head[:6] == ["", "value", "coverage interval", "conventional bound, k = 2", "U", "k"]
+    for row, u in zip(tensor.rows, added, strict=True):
+        interval, bound = ([float(end.replace("−", "-")) for end in cell.split(" … ")] for cell in row[2:4])
+        half = np.hypot(np.ptp(interval) / 2, 2e3 * u)
+        assert np.ptp(bound) / 2 == pytest.approx(half, rel=0.06)
+    assert origins.head == ["", "measured", "declared", "typical"]
     for name, row in zip(NAMES, origins.rows, strict=True):
         k = NAMES.index(name)
         parts = np.array([float(cell.replace("−", "-")) for cell in row[1:4]]) * 1e-3
-        assert np.linalg.norm(parts) == pytest.approx(certificate.tensor.standard[k], rel=0.04)
+        assert np.linalg.norm(parts[:2]) == pytest.approx(certificate.tensor.standard[k], rel=0.04)
         assert float(row[3]) == pytest.approx(1e3 * added[k], rel=0.05, abs=5e-5)
 
 
 def test_in_concise_notation_each_value_has_its_standard_uncertainty(plain):
     with concise():
         (row, *_) = Certificate(plain).tables()[0].rows
-    u = 1e3 * plain.with_undeclared.standard_uncertainty[0]
+    u = 1e3 * plain.standard_uncertainty[0]
     assert row[1] == f"{1e3 * plain.inertia[0]:.1f}({u:.1f})"
 
 

@@ -6,7 +6,7 @@ import pytest
 from identify.results import measured_directions
 from identify.rounding import decimals, fixed
 from identify.sums.residual_spectrum import thinned, trace
-from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_normal
+from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_intervals
 from uq.experiment.conformity import Conformity, decide
 
 
@@ -32,9 +32,9 @@ def test_coverage_factors_are_those_of_the_guide():
     for freedom, factor in ((2, 4.30), (4, 2.78), (10, 2.23), (50, 2.01)):
         assert degrees_of_freedom(factor) == pytest.approx(freedom, rel=0.1)
     assert degrees_of_freedom(1.96) == np.inf
-    figure = np.ones(1)
-    assert of_normal(("a",), figure, figure, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
-    assert of_normal(("a",), figure, figure, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
+    figure, ends = np.ones(1), 1 + 1.959964 * np.array([[-1.0, 1.0]])
+    assert of_intervals(("a",), figure, figure, ends, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
+    assert of_intervals(("a",), figure, figure, ends, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
 
 
 def test_shares_of_visited_axes_are_those_of_caps_and_belts():

@@ -1,4 +1,4 @@
-"""What undeclared errors add at typical figures, to second intervals: against a laboratory that has these errors.
+"""What undeclared errors add at typical figures, to conventional bounds: against a laboratory that has these errors.
 
 The judges are least squares in their plainest form (tests/helpers/troubles.py) and the joint estimate of spoiled recordings.
 """
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from identify import identification
+from identify.results.declaration import ResidualCause
 from identify.results.undeclared import QUANTITIES, Effect, Undeclared
 from tests.helpers.laboratory import Setup, cell_reading, measure
 from tests.helpers.laboratory_files import document, identified_files, source
@@ -229,19 +230,27 @@ def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
     assert Undeclared(()).largest(u) is None
 
 
-def test_the_second_interval_holds_both_kinds_of_errors(by_source):
-    """Half-widths add in squares, covariances add; with nothing undeclared both intervals are one."""
-    wide, added = by_source.with_undeclared, by_source.undeclared
-    half, wide_half = (np.ptp(result.interval95, axis=1) / 2 for result in (by_source, wide))
-    np.testing.assert_allclose(wide_half**2 - half**2, 1.959964**2 * np.diag(added.covariance)[4:], rtol=1e-5)
-    np.testing.assert_allclose(wide.interval95.mean(axis=1), by_source.interval95.mean(axis=1), rtol=1e-9)
-    np.testing.assert_allclose(
-        np.nan_to_num(wide.parameters.covariance - by_source.parameters.covariance - added.covariance), 0, atol=1e-15
-    )
-    np.testing.assert_array_equal(by_source.interval95_with_undeclared, wide.interval95)
+def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
+    """Squares of the interval's half and of 2 u of undeclared errors add; with nothing undeclared both are one."""
+    bound, added = by_source.conventional_bound, by_source.undeclared
+    half, of_bound = (np.ptp(ends, axis=1) / 2 for ends in (by_source.interval95, bound))
+    np.testing.assert_allclose(of_bound**2 - half**2, 4 * np.diag(added.covariance)[4:], rtol=1e-5)
+    np.testing.assert_allclose(bound.mean(axis=1), by_source.interval95.mean(axis=1), rtol=1e-9)
+    beyond = by_source.with_undeclared.covariance - by_source.parameters.covariance - added.covariance
+    np.testing.assert_allclose(np.nan_to_num(beyond), 0, atol=1e-15)
     complete = replace(by_source, undeclared=Undeclared())
-    np.testing.assert_array_equal(complete.interval95_with_undeclared, by_source.interval95)
-    assert replace(by_source, undeclared=None).interval95_with_undeclared is None
+    np.testing.assert_array_equal(complete.conventional_bound, by_source.interval95)
+    assert replace(by_source, undeclared=None).conventional_bound is None
+
+
+@pytest.mark.parametrize(("cause", "kept"), [("gyro scale", False), ("gain", True)])
+def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(measured, cause, kept):
+    """Of a gain the runs tell a part of its six numbers alone."""
+    plain = identified(measured)
+    named = replace(plain, consistency=(ResidualCause(cause, "b1", 0.5, "", changes=(0.0,) * 10),))
+    added = with_undeclared(named, [run_of(measured)], Experiment.from_dict(document(measured, "source"))).undeclared
+    name = {"gyro scale": "gyro_scale", "gain": "moment_gain"}[cause]
+    assert (name in [effect.name for effect in added.effects]) is kept
 
 
 def test_an_exact_mass_and_centre_err_as_the_table_says(still, monkeypatch):
@@ -261,7 +270,7 @@ def test_an_exact_mass_and_centre_err_as_the_table_says(still, monkeypatch):
         for rows in (slice(0, 1), slice(1, 4), slice(4, 10)):
             atol = max(0.04 * np.abs(expected[rows]).max(), 5e-7)
             np.testing.assert_allclose(-off[rows], expected[rows], atol=atol)
-    wide = result.with_undeclared.parameters.standard_uncertainty
+    wide = result.with_undeclared.standard_uncertainty
     np.testing.assert_allclose(wide[:4], [1e-3 * still.mass, 1e-3, 1e-3, 1e-3], rtol=1e-6)
 
 
@@ -281,15 +290,15 @@ def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
     content = json.loads(json.dumps(by_source.to_dict()))
     rows = {row["name"]: row["inertia"]["I33"] for row in content["not_included"]}
     assert rows["moment_gain"] == pytest.approx(0.96e-3, rel=0.02)
-    np.testing.assert_allclose(content["interval95_with_undeclared"]["I33"], by_source.interval95_with_undeclared[5])
+    np.testing.assert_allclose(content["conventional_bound"]["I33"], by_source.conventional_bound[5])
     (table,) = (table for table in Certificate(by_source).details() if table.caption.startswith("Undeclared errors"))
     assert [row[0] for row in table.rows][:2] == ["common gain of the force", "gain of each force"]
     assert table.caption in [entry.caption for entry in by_source.tables()]
-    assert "with undeclared errors" in by_source.tables()[0].head
+    assert "conventional bound, k = 2" in by_source.tables()[0].head
 
 
-def test_arrays_say_how_large_the_second_interval_is_at_least(measured):
-    """By a scale of the gyro of 0.3 %, by which the whole tensor is off: 1.96 times it."""
+def test_arrays_say_how_large_the_conventional_bound_is_at_least(measured):
+    """By a scale of the gyro of 0.3 %, by which the whole tensor is off: twice it."""
     result = identified(measured)
     (line,) = (note for note in result.notes() if note.startswith("undeclared errors"))
-    assert f"± {1.96 * 3 * np.abs(result.inertia).max():.1f} g·m² to I33; uq.with_undeclared" in line
+    assert f"± {2 * 3 * np.abs(result.inertia).max():.1f} g·m² to I33; uq.with_undeclared" in line

@@ -9,7 +9,7 @@ import numpy as np
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section, section_of
 from identify.results.identification_result import Identification
-from identify.results.undeclared import QUANTITIES
+from identify.results.undeclared import CONVENTIONAL, QUANTITIES
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES, Decision, decide
@@ -39,14 +39,9 @@ class Certificate(Result):
         return read(self.identification.provenance)
 
     @cached_property
-    def with_undeclared(self) -> Identification:
-        """The identification whose uncertainty holds undeclared errors at typical size, where they are known."""
-        return self.identification.with_undeclared
-
-    @cached_property
     def tensor(self) -> Expanded:
-        """The components with their expanded uncertainty, undeclared errors in it [kg·m²]."""
-        return of_tensor(self.with_undeclared, **self.report.coverage)
+        """The components with their expanded uncertainty, by measured and declared errors [kg·m²]."""
+        return of_tensor(self.identification, **self.report.coverage)
 
     @cached_property
     def checks(self) -> list[list[str]]:
@@ -57,10 +52,14 @@ class Certificate(Result):
     def decisions(self) -> list[Decision]:
         """Decision on each component with limits.
 
-        None is made where the runs contradict what is declared; none is passed while undeclared errors are not known.
+        By the conventional bound, where undeclared errors are known. None is made where the runs contradict what is
+        declared; none is passed while undeclared errors are not known.
         """
-        rule, t, result = self.report.conformity, self.tensor, self.identification
-        decisions = [] if rule is None else decide(rule, t.value, t.standard, t.expanded)
+        rule, result = self.report.conformity, self.identification
+        u, half = result.with_undeclared.standard_uncertainty[4:], self.tensor.expanded
+        if result.undeclared is not None:
+            half = np.hypot(half, CONVENTIONAL * result.undeclared.standard_uncertainty[4:])
+        decisions = [] if rule is None else decide(rule, result.inertia, u, half)
         return [
             replace(decision, outcome="undecided", probability=np.nan)
             if result.contradicted or (result.undeclared is None and decision.outcome == "conforms")
@@ -83,12 +82,12 @@ class Certificate(Result):
 
     def tables(self) -> list[Table]:
         """Return tensor, mass and centre, principal moments, conformity."""
-        result, report = self.with_undeclared, self.report
+        result, report = self.identification, self.report
         return [
             tables.tensor(result, self.tensor),
-            *tables.origins(self.identification),
+            *tables.origins(result),
             tables.mass_and_centre(result, report),
-            *tables.principal(result, report),
+            *tables.principal(result, self.tensor),
             *tables.conformity(report, self.decisions),
         ]
 
@@ -190,17 +189,18 @@ class Certificate(Result):
         return UNDECIDED if self.identification.undeclared is None else ""
 
     def _typical(self) -> list[str]:
-        """Return how much of U rests on typical figures, where that is too much for a tick."""
+        """Return how far undeclared errors exceed all others, where that is too much for a tick."""
         result, row = self.identification, checks.undeclared(self.identification)
         if row[-1] == checks.WITHIN:
             return []
         gap = None if result.undeclared is None else result.undeclared.largest(result.parameters.standard_uncertainty)
         if result.undeclared is None or gap is None:
-            return ["What undeclared errors would add to U is not known."]
+            return ["What undeclared errors would add is not known."]
         name, figures = QUANTITIES[gap.parameter][0], gap.effect
         return [
-            f"U rests on typical figures of errors that nobody declared: their u is up to {row[1]} times that of all "
-            f"others. The largest part, {100 * gap.share:.0f} % of u² of {name}, is {figures.text} ({figures.figure}). "
+            f"U leaves out errors that nobody declared: at typical size their u is up to {row[1]} times that of all "
+            f"others, and the conventional bound holds them. The largest part, {100 * gap.share:.0f} % of u² of {name} "
+            f"with them, is {figures.text} ({figures.figure}). "
             f"{CURE}"
         ]
 
@@ -217,7 +217,8 @@ NO_INTERVAL = "no interval is certified"
 UNCERTAINTY = (
     "What is declared or known beforehand, the centre of gravity among it, is type B (GUM 4.2, 4.3, 5.1). The coverage "
     "interval is from the distributions of both: k = 1.96 where they are normal, larger where few runs determine the "
-    "scatter."
+    "scatter. The conventional bound adds to it, in quadrature, twice the standard uncertainty of errors that nobody "
+    "declared, at typical size. These sizes are known to 30 to 50 %, so that the bound states no coverage probability."
 )
 BIAS = (
     "The bias is the expected mean error from the gyro's noise in the regressor and from the declared sources. It is "

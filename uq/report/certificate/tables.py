@@ -7,63 +7,64 @@ import numpy as np
 from identify.results.alignment import Aligned
 from identify.results.identification_result import Identification, evaluation_type
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
+from identify.results.undeclared import CONVENTIONAL
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.rounding import decimals, exact, fixed, interval, rounded
+from identify.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
 from identify.text_tables import Table, sentence
-from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals, of_normal
+from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals
 from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
 from uq.report.certificate import checks
 from uq.report.certificate.front import MISSING
 from uq.report.figures.style import display_name
+from uq.report.tables.identification import BOUND, bound_texts, has_bound
 
 DEGREE = float(np.degrees(1.0))
 AXES = ("b1", "b2", "b3")
 
 
 def tensor(result: Identification, expanded: Expanded) -> Table:
-    """Return the six components; the bias has the decimals of U.
+    """Return the six components with coverage interval and conventional bound; the bias has the decimals of U.
 
     Args:
-        result: with undeclared errors, where they are known.
+        result: an identification.
         expanded: its components with their expanded uncertainty.
     """
     rows = []
     columns = zip(expanded.rows(GRAM_METRE), result.bias, expanded.expanded, result.determined, strict=True)
     for row, bias, half, determined in columns:
         if determined:
-            rows.append([*_interval_first(row), fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
+            rows.append([*row, fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
         else:
-            rows.append([row[0], "–", UNDETERMINED, *["–"] * 6])
+            rows.append([row[0], "–", *["–"] * 5, UNDETERMINED, "–"])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
-    return Table(title, [*_interval_first(["", *HEAD]), "bias"], rows, TENSOR_NOTE)
+    head, *rows = _intervals_first([["", *HEAD, "bias"], *rows], [BOUND, *bound_texts(result)[4:]], result)
+    return Table(title, head, rows, TENSOR_NOTE + BOUND_NOTE * has_bound(result))
 
 
 def origins(result: Identification) -> list[Table]:
-    """Return u by its origin, measured, declared and typical, and the interval without the typical part."""
+    """Return u by its origin: measured, declared, and typical, which u leaves out."""
     if result.undeclared is None:
         return []
     parts = result.contributions
     measured = np.sqrt(sum((u**2 for name, u in parts.items() if evaluation_type(name) == "A"), np.zeros(6)))
     declared = np.sqrt(np.maximum(result.standard_uncertainty**2 - measured**2, 0.0))
-    columns = zip(
-        COMPONENTS, *map(_two_digits, (measured, declared, result.undeclared.standard_uncertainty[4:])),
-        result.standard_uncertainty, result.interval95, strict=True,
-    )  # fmt: skip
-    rows = []
-    for name, *by_origin, u, first in columns:
-        places = decimals(GRAM_METRE * u) if np.isfinite(u) else 0
-        rows.append([name, *by_origin, interval(GRAM_METRE * first, places) if np.isfinite(first).all() else "–"])
-    head = ["", "measured", "declared", "typical", "95 % without typical"]
+    by_origin = map(_two_digits, (measured, declared, result.undeclared.standard_uncertainty[4:]))
+    rows = [list(row) for row in zip(COMPONENTS, *by_origin, strict=True)]
+    head = ["", "measured", "declared", "typical"]
     return [Table("Standard uncertainty by origin, g·m²", head, rows, ORIGIN_NOTE)]
 
 
-def _interval_first(row: Sequence[str]) -> list[str]:
-    """A row of :meth:`Expanded.rows` with the interval behind the value, where a phone shows it."""
-    return [*row[:2], row[-1], *row[2:-1]]
+def _intervals_first(rows: Sequence[Sequence[str]], bounds: Sequence[str], result: Identification) -> list[list[str]]:
+    """Rows of :meth:`Expanded.rows` with interval and bound behind the value, where a phone shows them."""
+    order = [0, 1, 7, 2, 3, 4, 5, 6, *range(8, len(rows[0]))]
+    ordered = [[row[k] for k in order] for row in rows]
+    if not has_bound(result):
+        return ordered
+    return [[*row[:3], bound, *row[3:]] for row, bound in zip(ordered, bounds, strict=True)]
 
 
 def mass_and_centre(result: Identification, report: Report) -> Table:
@@ -76,24 +77,39 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
         rows[0] = [f"mass: {MISSING}", *[""] * 7]
     for k in np.flatnonzero(~(u > 0) & np.isfinite(value)):
         rows[k] = [NAMES[k], *exact([value[k]]), *["–"] * 6]
-    head, *rows = map(_interval_first, (["", *HEAD], *rows))
+    head, *rows = _intervals_first([["", *HEAD], *rows], [BOUND, *bound_texts(result)[:4]], result)
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
 
-def principal(result: Identification, report: Report) -> list[Table]:
-    """Return the principal moments with their axes; – for an axis that is not determined."""
+def principal(result: Identification, expanded: Expanded) -> list[Table]:
+    """Return the principal moments with U and half the conventional bound, and their axes; – for none determined.
+
+    Args:
+        result: an identification.
+        expanded: its components with their expanded uncertainty, which turns into the principal axes as u does.
+    """
     if not np.isfinite(result.covariance).all():
         return []
     axes = principal_axes(result.inertia, result.covariance)
-    moments = of_normal(tuple("123"), axes.moments, axes.standard_uncertainty, **report.coverage)
+    # covariances of expanded uncertainties: one U is k times u, and squares of the bound's parts add
+    factors = expanded.factor[:, None] * expanded.factor
+    typical = result.with_undeclared.covariance[4:, 4:] - result.covariance
+    halves = [
+        principal_axes(result.inertia, covariance).standard_uncertainty
+        for covariance in (factors * result.covariance, factors * result.covariance + CONVENTIONAL**2 * typical)
+    ][: 1 + has_bound(result)]
     rows = []
-    for row, axis, determined, angle in zip(
-        moments.rows(GRAM_METRE), axes.axes, axes.determined, axes.angles, strict=True
+    for k, (moment, axis, determined, angle) in enumerate(
+        zip(axes.moments, axes.axes, axes.determined, axes.angles, strict=True)
     ):
+        figures = [GRAM_METRE * half[k] for half in halves]
+        value = beside_uncertainty(GRAM_METRE * moment, GRAM_METRE * axes.standard_uncertainty[k], figures[0])
         components = [fixed(x, 3) if determined else "–" for x in axis]
-        rows.append([*row[:3], *components, _degrees(angle) if angle <= LARGEST_ANGLE else "–"])
+        turn = _degrees(angle) if angle <= LARGEST_ANGLE else "–"
+        rows.append([str(k + 1), value, *(rounded(half, half) for half in figures), *components, turn])
     note = PRINCIPAL_NOTE + (f" {sentence(axes.note)}" if axes.note else "")
-    return [Table("Principal moments, g·m², and their axes", ["", "value", "U", *AXES, "turn, deg"], rows, note)]
+    head = ["", "value", "U", *["half of the bound"] * has_bound(result), *AXES, "turn, deg"]
+    return [Table("Principal moments, g·m², and their axes", head, rows, note)]
 
 
 def _degrees(angle: float) -> str:
@@ -218,14 +234,16 @@ def elsewhere(result: Identification) -> Iterator[Table]:
     """Return the tensor about other points and in other frames, where the mass is known."""
     if result.mass is None:
         return
-    about_q = result.parameters.about()
-    named = [("about the load cell's centre Q, in the body frame", about_q.inertia, about_q.standard_uncertainty)]
+    about_q, wide_about_q = result.parameters.about(), result.with_undeclared.about()
+    places = [("about the load cell's centre Q, in the body frame", about_q, wide_about_q.standard_uncertainty)]
     if result.datum is not None:
-        moved = result.parameters.in_datum(result.datum)
+        moved, wide = (ten.in_datum(result.datum) for ten in (result.parameters, result.with_undeclared))
         where = "about the centre of gravity, in the frame of the declared datum"
-        named.append((where, moved.inertia, moved.standard_uncertainty[4:]))
-    for where, inertia, u in named:
-        rows = [["value", *_with_u(inertia, u, GRAM_METRE)], ["u", *_two_digits(u)]]
+        places.append((where, moved.tensor, wide.tensor.standard_uncertainty))
+    for where, tensor, with_undeclared in places:
+        u = tensor.standard_uncertainty
+        rows = [["value", *_with_u(tensor.inertia, u, GRAM_METRE)], ["u", *_two_digits(u)]]
+        rows += [["u with undeclared errors", *_two_digits(with_undeclared)]] * has_bound(result)
         yield Table(f"Tensor {where}, g·m²", ["", *COMPONENTS], rows)
 
 
@@ -239,18 +257,19 @@ def _two_digits(values: np.ndarray) -> list[str]:
 
 
 TENSOR_NOTE = (
-    "U: expanded uncertainty, half the coverage interval, undeclared errors at typical size in it; k = U/u: coverage "
-    "factor; ν: degrees of freedom that it implies; p: coverage probability; u: standard uncertainty. Rounded to two "
-    "digits of the uncertainty (GUM 7.2.6). Products are the tensor's entries."
+    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; ν: degrees of freedom that it "
+    "implies; p: coverage probability; u: standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). "
+    "Products are the tensor's entries."
 )
+BOUND_NOTE = " Conventional bound: undeclared errors at typical size in it; it has no coverage probability."
 ORIGIN_NOTE = (
     "measured: type A, from the runs; declared: sources of the experiment; typical: undeclared errors at typical size "
-    "(Details). U holds all three; the last column leaves out the third."
+    "(Details), which only the conventional bound holds."
 )
-PRINCIPAL_NOTE = "turn: standard uncertainty of the other two axes' turn about this one."
+PRINCIPAL_NOTE = "turn, deg: standard uncertainty of the rotation of the other two axes about this one."
 CONFORMITY_NOTE = (
-    "probability within: that the value lies within the limits, from a normal distribution of its u; –: undeclared "
-    "errors are not known."
+    "By the conventional bound. probability within: that the value lies within the limits, from a normal distribution "
+    "of its u, undeclared errors at typical size in it; –: these are not known."
 )
 PRIOR_NOTE = "prior's share: the part of the variance that is what was declared beforehand; 100: the data add nothing."
 DISCORDANCE_NOTE = (

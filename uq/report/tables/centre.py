@@ -7,10 +7,10 @@ from identify.rounding import fixed, rounded, significant, with_uncertainty
 from identify.static.centre_result import PARAMETERS, UNITS, Centre
 from identify.text_tables import Table, sentence
 from uq.report.drawing import drawing
-from uq.report.tables.identification import WIDE
+from uq.report.tables.identification import BOUND
 
 WIDER = 1.01
-"""Second interval over the first from which it is shown."""
+"""Conventional bound over the coverage interval from which it is shown."""
 
 
 def title(centre: Centre) -> str:
@@ -19,18 +19,18 @@ def title(centre: Centre) -> str:
     u = float(centre.standard_uncertainty[0])
     mass = with_uncertainty(centre.mass, u)
     low, high = centre.interval95[0]
-    wide = centre.interval95_with_undeclared
-    second = _second(*wide[0]) if wide is not None and centre.undeclared and centre.undeclared.effects else ""
+    ends = centre.conventional_bound
+    bound = _bound(*ends[0]) if ends is not None and centre.undeclared and centre.undeclared.effects else ""
     return (
-        f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}{second}) from {centre.poses} poses; "
+        f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}{bound}) from {centre.poses} poses; "
         f"residuals {significant(force)} N and {significant(moment)} N·m (rms)"
     )
 
 
-def _second(low: float, high: float) -> str:
-    """The second interval of the mass."""
+def _bound(low: float, high: float) -> str:
+    """The conventional bound of the mass."""
     half = (high - low) / 2
-    return f"; {WIDE} {rounded(low, half)} … {rounded(high, half)}"
+    return f"; {BOUND}: {rounded(low, half)} … {rounded(high, half)}"
 
 
 def tables(centre: Centre) -> list[Table]:
@@ -45,9 +45,9 @@ def tables(centre: Centre) -> list[Table]:
     for name, unit, values, place in quantities:
         rows.append([name, *map(with_uncertainty, unit * values, unit * u[place])])
         rows.append(["· 95 %", *(f"± {significant(value, 2)}" for value in unit * expanded[place])])
-        wide = expanded if centre.undeclared is None else centre.undeclared.half_width(expanded)
-        if (wide[place] > WIDER * expanded[place]).any():
-            rows.append([f"· {WIDE}", *(f"± {significant(value, 2)}" for value in unit * wide[place])])
+        half = expanded if centre.undeclared is None else centre.undeclared.half_width(expanded)
+        if (half[place] > WIDER * expanded[place]).any():
+            rows.append([f"· {BOUND}", *(f"± {significant(value, 2)}" for value in unit * half[place])])
     if centre.zero is not None:
         rows += [
             ["zero of the cell, N", *(fixed(value, 3) for value in centre.zero[:3])],

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from identify.estimators import offsets
-from identify.estimators.pooling import NORMAL
 from identify.judge.findings import PAGE
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
 from identify.results.identification_result import Identification
 from identify.results.run_estimate import RunEstimate
+from identify.results.undeclared import CONVENTIONAL, LARGEST_SHARE
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -37,8 +37,8 @@ MOST_NOTES = 3
 """Most runs whose offsets are listed in the notes; result.json holds all."""
 UNCERTIFIED = "no interval is certified, and an export needs --force"
 """Consequence of runs that contradict what is declared."""
-WIDE = "with undeclared errors"
-"""Heading of the second interval."""
+BOUND = "conventional bound, k = 2"
+"""Heading of the intervals that undeclared errors widen, at typical size."""
 BEYOND = 1e3
 """Multiple of the mass, of a metre or of the largest moment above which an uncertainty is printed as not determined.
 
@@ -60,7 +60,7 @@ def tables(result: Identification) -> list[Table]:
 
 def overview(result: Identification) -> list[Table]:
     """Return the components in g·m², and mass and centre of gravity, each with both intervals."""
-    second = has_second(result)
+    bounded = has_bound(result)
     columns = zip(
         COMPONENTS, result.inertia, result.bias, result.standard_uncertainty, result.interval95, result.determined,
         strict=True,
@@ -76,12 +76,12 @@ def overview(result: Identification) -> list[Table]:
         figures = [fixed(GRAM_METRE * x, places) for x in (bias, uncertainty)]
         rows.append([name, shown, *figures, interval(GRAM_METRE * ends, places)])
     mass_rows = _mass_and_centre(result)
-    if second:
-        wide = _second_intervals(result)
-        mass_rows = [[*row, text] for row, text in zip(mass_rows, wide[:4], strict=True)]
-        columns = zip(rows, wide[4:], result.determined, strict=True)
+    if bounded:
+        bounds = bound_texts(result)
+        mass_rows = [[*row, text] for row, text in zip(mass_rows, bounds[:4], strict=True)]
+        columns = zip(rows, bounds[4:], result.determined, strict=True)
         rows = [[*row, ends if determined else "–"] for row, ends, determined in columns]
-    head = ["value", "bias", "standard uncertainty", "95 % interval", *[WIDE] * second]
+    head = ["value", "bias", "standard uncertainty", "95 % interval", *[BOUND] * bounded]
     caption = f"Mass and centre of gravity: {result.centre_from}"
     return [Table(trust(result), ["g·m²", *head], rows), Table(caption, ["", head[0], *head[2:]], mass_rows)]
 
@@ -92,21 +92,35 @@ def trust(result: Identification) -> str:
         return "Do not use these figures: the runs contradict what is declared."
     if result.warnings or not all(cause.note for cause in result.consistency):
         return "Read the warnings below before you use these figures."
-    return "Nothing in the runs contradicts what is declared: the intervals hold if the assumptions below do."
+    return f"Nothing in the runs contradicts what is declared. {_vouched(result)}"
 
 
-def has_second(result: Identification) -> bool:
-    """Return whether a second interval is known and differs from the first."""
+def _vouched(result: Identification) -> str:
+    """Which of the intervals to use: coverage intervals, unless errors that nobody declared make much of u."""
+    if result.undeclared is None:
+        return f"{HOLD}; what undeclared errors add is not known."
+    share, _ = result.undeclared.share(result.parameters.standard_uncertainty)
+    if share <= LARGEST_SHARE:
+        return f"{HOLD}."
+    return (
+        "Use the conventional bounds (k = 2): the 95 % intervals leave out errors that nobody declared, whose u is up "
+        f"to {significant(share, 2)} times theirs."
+    )
+
+
+def has_bound(result: Identification) -> bool:
+    """Return whether conventional bounds are known and differ from the coverage intervals."""
     return bool(result.undeclared and result.undeclared.effects)
 
 
-def _second_intervals(result: Identification) -> list[str]:
-    """The second interval of each of the ten parameters, to two digits of half of it; – for none."""
-    wide = result.with_undeclared
-    centre = mass_and_centre.interval95(wide.parameters, wide.centre_factor)
+def bound_texts(result: Identification) -> list[str]:
+    """Return the conventional bound of each of the ten parameters, to two digits of half of it; – for none."""
+    bounds = result.conventional_bounds
+    if bounds is None:
+        return ["–"] * 10
     units = [*mass_and_centre.UNITS, *[GRAM_METRE] * 6]
     texts = []
-    for ends, unit, largest in zip([*centre, *wide.interval95], units, _largest(result), strict=True):
+    for ends, unit, largest in zip(bounds, units, _largest(result), strict=True):
         half = float(np.ptp(ends)) / 2
         text = interval(unit * ends, decimals(unit * half)) if half > 0 else "–"
         texts.append("not determined" if half > largest else text)
@@ -151,7 +165,7 @@ def run_table(result: Identification) -> Table:
 
 
 def undeclared_tables(result: Identification) -> list[Table]:
-    """Return what each error that only the second intervals hold adds, in g·m², g and mm, where that is known."""
+    """Return what each error that only the conventional bounds hold adds, in g·m², g and mm, where that is known."""
     if not (result.undeclared and result.undeclared.effects):
         return []
     effects = result.undeclared.effects
@@ -182,7 +196,7 @@ def notes(result: Identification) -> list[str]:
         *_offsets(result.runs, result.measured.standard_uncertainty[1:4]),
         *(f"warning: {text}" for text in result.warnings),
         *(
-            f"note: {cause.text}; the interval with undeclared errors holds it"
+            f"note: {cause.text}; the conventional bound holds as much at typical size"
             for cause in result.consistency
             if cause.note
         ),
@@ -245,7 +259,7 @@ def _undeclared(result: Identification) -> Iterator[str]:
     """A line on the undeclared error that widens an interval most; where none is known, on the size of one of them."""
     if result.undeclared is None:
         scale, k = UndeclaredTable().gyro_scale or 0.0, int(np.argmax(np.abs(result.inertia) * result.determined))
-        half = two_digits(GRAM_METRE * NORMAL * scale * float(np.abs(result.inertia[k])))
+        half = two_digits(GRAM_METRE * CONVENTIONAL * scale * float(np.abs(result.inertia[k])))
         cure = "" if result.provenance else "; uq.with_undeclared(result, runs, experiment) adds them all"
         yield (
             f"undeclared errors are not in these intervals: the gyro's scale alone, at a typical {100 * scale:g} %, "
@@ -319,6 +333,7 @@ def section(result: Identification) -> Section:
     return section_of(result, assumptions=list(map(sentence, result.assumptions)))
 
 
+HOLD = "The 95 % intervals hold if the assumptions below do"
 RUNS = "Each component: each run alone, and all together."
 BUDGET = "Contributions to each component's variance: what the runs show (type A) and what is declared (type B)."
 RESIDUALS = (
@@ -327,6 +342,6 @@ RESIDUALS = (
 )
 RUN_NOTE = "Each run alone; –: it does not identify the whole tensor. The files' hashes stand under Provenance."
 UNDECLARED_NOTE = (
-    "Neither declared as a source nor estimated: the second intervals hold them. To first order; with a sign: a bias, "
-    "which counts as a standard uncertainty; –: not determined. The figures are those of [undeclared]."
+    "Neither declared as a source nor estimated: the conventional bounds hold them. To first order; with a sign: a "
+    "bias, which counts as a standard uncertainty; –: not determined. The figures are those of [undeclared]."
 )
