@@ -207,11 +207,7 @@ class Identification(Result):
 
         Squares of the half-widths add. The bound has no coverage probability: the typical sizes are guesses.
         """
-        if self.undeclared is None:
-            return None
-        half = self.coverage_factors * self.parameters.standard_uncertainty
-        out = self.undeclared.half_width(half) - half
-        return self.intervals95 + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1]
+        return None if self.undeclared is None else self.undeclared.bounds(self.intervals95)
 
     def widened(self, changes: Float[np.ndarray, "10 k"]) -> "Identification":
         """Return the result whose uncertainties and intervals hold further normal errors.

@@ -114,6 +114,13 @@ class Undeclared:
         """Return half of the conventional bounds from half of the coverage intervals of 95 %: squares add."""
         return np.hypot(half, CONVENTIONAL * self.standard_uncertainty)
 
+    def bounds(self, intervals: Float[np.ndarray, "10 2"]) -> Float[np.ndarray, "10 2"]:
+        """Return the conventional bounds of mass, r_CG and tensor: their coverage intervals, widened on both sides."""
+        half = np.ptp(intervals, axis=1) / 2
+        with np.errstate(invalid="ignore"):  # what is not determined has no ends
+            out = self.half_width(half) - half
+        return intervals + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1]
+
     def to_dict(self) -> list[dict[str, Any]]:
         """Return the content of result.json, in SI."""
         return [

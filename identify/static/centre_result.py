@@ -89,10 +89,7 @@ class Centre(Result):
     @property
     def conventional_bound(self) -> np.ndarray | None:
         """Intervals of the ten parameters, widened by k = 2 of undeclared errors, (10, 2); None: not known."""
-        if self.undeclared is None:
-            return None
-        half = self.undeclared.half_width(self.coverage_factor * self.standard_uncertainty)
-        return np.stack([self.values - half, self.values + half], axis=1)
+        return None if self.undeclared is None else self.undeclared.bounds(self.interval95)
 
     @property
     def directions(self) -> tuple[np.ndarray, np.ndarray]:

@@ -101,9 +101,10 @@ def with_undeclared(
                 raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
             changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    result = noted(replace(result, undeclared=undeclared_errors(changes, size, experiment, pose_effects)))
+    typical = undeclared_errors(changes, size, experiment, pose_effects)
     named = {NAMED.get(cause.cause) for cause in result.consistency}  # its value is part of the covariance
-    return replace(result, undeclared=Undeclared(tuple(e for e in result.undeclared.effects if e.name not in named)))
+    others = Undeclared(tuple(effect for effect in typical.effects if effect.name not in named))
+    return replace(noted(replace(result, undeclared=typical)), undeclared=others)
 
 
 def noted(result: Identification) -> Identification:

@@ -81,13 +81,13 @@ class Certificate(Result):
         return self.identification.title()
 
     def tables(self) -> list[Table]:
-        """Return tensor, mass and centre, principal moments, conformity."""
+        """Return tensor, principal moments, mass and centre, conformity; narrow tables together, to fit one page."""
         result, report = self.identification, self.report
         return [
             tables.tensor(result, self.tensor),
             *tables.origins(result),
-            tables.mass_and_centre(result, report),
             *tables.principal(result, self.tensor),
+            tables.mass_and_centre(result, report),
             *tables.conformity(report, self.decisions),
         ]
 
@@ -160,7 +160,10 @@ class Certificate(Result):
         if failed:
             texts.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
         if self.missing:
-            texts.append(f"Not stated, and asked for by ISO/IEC 17025: {', '.join(self.missing)}.")
+            count = len(self.missing)
+            texts.append(
+                f"{count} item{'s' * (count > 1)} of ISO/IEC 17025 {'is' if count == 1 else 'are'} not stated."
+            )
         return " ".join(texts if failed or self.missing else [*texts, "Every check is passed."])
 
     def findings(self) -> list[str]:
@@ -178,7 +181,8 @@ class Certificate(Result):
         ]
         warnings = self.identification.warnings
         where = map(sentence, identification_view.explained(self.identification))
-        items = [f"Not stated: {', '.join(self.missing)}."] if self.missing else []
+        missing = ", ".join(self.missing)
+        items = [f"Not stated, and asked for by ISO/IEC 17025: {missing}."] if self.missing else []
         return [*self._typical(), *others, *warnings, *([] if warnings else failed), *where, *items]
 
     @property

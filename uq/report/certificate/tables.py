@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.results.alignment import Aligned
 from identify.results.identification_result import Identification, evaluation_type
@@ -41,7 +42,7 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
             rows.append([row[0], "–", *["–"] * 5, UNDETERMINED, "–"])
     count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
-    head, *rows = _intervals_first([["", *HEAD, "bias"], *rows], [BOUND, *bound_texts(result)[4:]], result)
+    head, *rows = _intervals_first([["", *HEAD, "bias"], *rows], _bounds(result, expanded.interval, slice(4, 10)))
     return Table(title, head, rows, TENSOR_NOTE + BOUND_NOTE * has_bound(result))
 
 
@@ -58,13 +59,20 @@ def origins(result: Identification) -> list[Table]:
     return [Table("Standard uncertainty by origin, g·m²", head, rows, ORIGIN_NOTE)]
 
 
-def _intervals_first(rows: Sequence[Sequence[str]], bounds: Sequence[str], result: Identification) -> list[list[str]]:
-    """Rows of :meth:`Expanded.rows` with interval and bound behind the value, where a phone shows them."""
+def _intervals_first(rows: Sequence[Sequence[str]], bounds: Sequence[str]) -> list[list[str]]:
+    """Rows of :meth:`Expanded.rows` with interval and bound, if any, behind the value, where a phone shows them."""
     order = [0, 1, 7, 2, 3, 4, 5, 6, *range(8, len(rows[0]))]
     ordered = [[row[k] for k in order] for row in rows]
+    return [[*row[:3], bound, *row[3:]] for row, bound in zip(ordered, bounds, strict=True)] if bounds else ordered
+
+
+def _bounds(result: Identification, intervals: Float[np.ndarray, "m 2"], where: slice) -> list[str]:
+    """Heading and texts of the conventional bounds of some of the ten parameters; empty without any."""
     if not has_bound(result):
-        return ordered
-    return [[*row[:3], bound, *row[3:]] for row, bound in zip(ordered, bounds, strict=True)]
+        return []
+    ten = result.intervals95.copy()
+    ten[where] = intervals
+    return [BOUND, *bound_texts(result, ten)[where]]
 
 
 def mass_and_centre(result: Identification, report: Report) -> Table:
@@ -72,12 +80,13 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
     ten, unit = result.parameters, np.array(UNITS)
     ends = interval95(ten, result.centre_factor) * unit[:, None]
     value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
-    rows = of_intervals(NAMES, value, u, ends, **report.coverage).rows()
+    four = of_intervals(NAMES, value, u, ends, **report.coverage)
+    rows = four.rows()
     if not np.isfinite(ten.mass):
         rows[0] = [f"mass: {MISSING}", *[""] * 7]
     for k in np.flatnonzero(~(u > 0) & np.isfinite(value)):
         rows[k] = [NAMES[k], *exact([value[k]]), *["–"] * 6]
-    head, *rows = _intervals_first([["", *HEAD], *rows], [BOUND, *bound_texts(result)[:4]], result)
+    head, *rows = _intervals_first([["", *HEAD], *rows], _bounds(result, four.interval / unit[:, None], slice(0, 4)))
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
 
@@ -258,13 +267,12 @@ def _two_digits(values: np.ndarray) -> list[str]:
 
 TENSOR_NOTE = (
     "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; ν: degrees of freedom that it "
-    "implies; p: coverage probability; u: standard uncertainty. Rounded to two digits of the uncertainty (GUM 7.2.6). "
-    "Products are the tensor's entries."
+    "implies; p: coverage probability; u: standard uncertainty; two digits of it (GUM 7.2.6). Products: the tensor's "
+    "entries."
 )
-BOUND_NOTE = " Conventional bound: undeclared errors at typical size in it; it has no coverage probability."
+BOUND_NOTE = " The bound holds undeclared errors at typical size, too; it has no coverage probability."
 ORIGIN_NOTE = (
-    "measured: type A, from the runs; declared: sources of the experiment; typical: undeclared errors at typical size "
-    "(Details), which only the conventional bound holds."
+    "measured: type A, from the runs; declared: sources; typical: undeclared errors, which the bound alone holds."
 )
 PRINCIPAL_NOTE = "turn, deg: standard uncertainty of the rotation of the other two axes about this one."
 CONFORMITY_NOTE = (

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.estimators import offsets
 from identify.judge.findings import PAGE
@@ -77,7 +78,7 @@ def overview(result: Identification) -> list[Table]:
         rows.append([name, shown, *figures, interval(GRAM_METRE * ends, places)])
     mass_rows = _mass_and_centre(result)
     if bounded:
-        bounds = bound_texts(result)
+        bounds = bound_texts(result, result.intervals95)
         mass_rows = [[*row, text] for row, text in zip(mass_rows, bounds[:4], strict=True)]
         columns = zip(rows, bounds[4:], result.determined, strict=True)
         rows = [[*row, ends if determined else "–"] for row, ends, determined in columns]
@@ -113,11 +114,14 @@ def has_bound(result: Identification) -> bool:
     return bool(result.undeclared and result.undeclared.effects)
 
 
-def bound_texts(result: Identification) -> list[str]:
-    """Return the conventional bound of each of the ten parameters, to two digits of half of it; – for none."""
-    bounds = result.conventional_bounds
-    if bounds is None:
-        return ["–"] * 10
+def bound_texts(result: Identification, intervals: Float[np.ndarray, "10 2"]) -> list[str]:
+    """Return the conventional bound of each of the ten parameters, to two digits of half of it; – for none.
+
+    Args:
+        result: with undeclared errors.
+        intervals: coverage intervals that they widen [kg, m, kg·m²].
+    """
+    bounds = result.undeclared.bounds(intervals) if result.undeclared else intervals
     units = [*mass_and_centre.UNITS, *[GRAM_METRE] * 6]
     texts = []
     for ends, unit, largest in zip(bounds, units, _largest(result), strict=True):
