@@ -82,8 +82,8 @@ def interval(estimate: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.stack([estimate - half, estimate + half], axis=1)
 
 
-def second(result: Identification) -> np.ndarray:
-    """Return the second interval, which holds undeclared errors."""
+def bound(result: Identification) -> np.ndarray:
+    """Return the conventional bound, which holds undeclared errors."""
     return np.asarray(result.conventional_bound)
 
 
@@ -97,9 +97,9 @@ def ways_of(experiment: Experiment) -> dict[str, Way]:
 
     ways: dict[str, Way] = {
         "identify": lambda files: identify_files(files, experiment).interval95,
-        "identify, second": lambda files: second(identify_files(files, experiment)),
+        "identify, bound": lambda files: bound(identify_files(files, experiment)),
         "identify, no sources": lambda files: identify_files(files, undeclared).interval95,
-        "identify, no sources, second": lambda files: second(identify_files(files, undeclared)),
+        "identify, no sources, bound": lambda files: bound(identify_files(files, undeclared)),
         "plain": lambda files: plain(loaded(files)),
         "plain, low-pass": lambda files: plain_lowpassed(loaded(files), estimator),
     }
@@ -155,9 +155,9 @@ def components(folder: Path, experiment: Experiment) -> Iterator[str]:
     for body, about in json.loads((folder / "truth.json").read_text()).items():
         truth = 1e-6 * np.array([about["inertia_total_about_cg_kgmm2"][name] for name in COMPONENTS])
         result = identify_files(sorted(folder.glob(f"{body}_*.mcap")), experiment)
-        first, second = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.conventional_bound))
-        rows = zip(COMPONENTS, 1e6 * (result.inertia - truth), 1e6 * first, 1e6 * second, strict=True)
-        yield f"{body}, pooled, kg·mm²: error, half-widths of the first and second interval"
+        interval95, bounds = (np.ptp(ends, axis=1) / 2 for ends in (result.interval95, result.conventional_bound))
+        rows = zip(COMPONENTS, 1e6 * (result.inertia - truth), 1e6 * interval95, 1e6 * bounds, strict=True)
+        yield f"{body}, pooled, kg·mm²: error, half-widths of interval and conventional bound"
         yield from (f"  {name} {error:8.2f} ± {one:.2f} ± {two:.2f}" for name, error, one, two in rows)
         yield from (f"  warning: {text}" for text in result.warnings)
 
