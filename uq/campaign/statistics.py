@@ -15,6 +15,9 @@ from uq.gram_sums.cases import Case
 from uq.sources.quasi_random import Points, of_replicates, standard_error
 from uq.trials.trial_loop import finite_trials
 
+NO_SPREAD = 1e-12
+"""kg·m² that rounding may leave where nothing acts or scatters."""
+
 
 @dataclass(frozen=True, repr=False)
 class Statistics(Shown):
@@ -175,11 +178,13 @@ def breakdown(cases: Sequence[Case], errors: np.ndarray, points: Points = "rando
 def large_mean_error(where: str, total: OfCase) -> list[str]:
     """Return a warning where mean errors exceed their 3σ, which does not contain them; nothing where none does.
 
+    Where nothing is drawn, there is no 3σ to compare with.
+
     Args:
         where: trajectory, estimator.
         total: all sources together.
     """
-    ratio = np.abs(total.mean_error) / np.where(total.three_sigma > 0, total.three_sigma, np.nan)
+    ratio = np.abs(total.mean_error) / np.where(total.three_sigma > NO_SPREAD, total.three_sigma, np.nan)
     excess = [
         f"{COMPONENTS[k]} {significant(GRAM_METRE * total.mean_error[k])} g·m² ({significant(ratio[k])} × 3σ)"
         for k in np.flatnonzero(ratio > 1)

@@ -19,6 +19,7 @@ from uq.gram_sums.cases import Case
 from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.prepared_run import PreparedRun
+from uq.propagation.undrawn_errors import undrawn_errors, without_undrawn
 from uq.sources.source import Source, part_of
 
 LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
@@ -46,6 +47,9 @@ def adjustable(experiment: Experiment, runs: Mapping[str, PreparedRun], estimato
     for name, run in runs.items():
         spec = experiment.trajectories[name]
         parts = parts_of(experiment, run, constants, spec.rate)
+        _, undrawn = without_undrawn(_all_of(experiment.sources), experiment.sources)
+        same = undrawn_errors(experiment, spec, estimators, run, {undrawn})[undrawn]
+        parts = parts._replace(rest=parts.rest + same)
         pairs += [
             {"trajectory": name, "estimator": estimator, "duration": spec.duration, **_written(parts, k)}
             for k, estimator in enumerate(estimators)
@@ -71,7 +75,7 @@ class Parts(NamedTuple):
     expected: np.ndarray
     """Part of the mean error that the sources' expectations cause, without the axis of levels."""
     rest: np.ndarray
-    """Mean error that is no source's: estimators, components."""
+    """Mean error that is no random source's: estimators, components."""
     joint: list[tuple[int, int, np.ndarray]]
     """Two sources and, by estimator, what both do beyond each alone: with ``s_i s_j`` in the variance, with its square
     there, with ``s_i s_j`` in the mean."""
@@ -90,7 +94,8 @@ def parts_of(
 ) -> Parts:
     """Return the parts of one run's sources, all of them acting, at factors on the variance of the gyro's noise."""
     sources = experiment.sources
-    alone = [Case(s.name, frozenset([s.name])) for s in sources]
+    random, _ = without_undrawn(_all_of(sources), sources)
+    alone = [Case(s.name, random.sources & {s.name}) for s in sources]
     both = list(combinations(range(len(sources)), 2))
     cases = [*alone, *(Case("", alone[i].sources | alone[j].sources) for i, j in both)]
     inputs = inputs_of_cases(cases, constants, sources, experiment.mixing, rate, run.sums.peaks)
@@ -110,6 +115,10 @@ def parts_of(
         gyro_variance=effects.gyro_variance / level, gyro_mean=(effects.gyro_value - quiet.value[:, None]) / level,
         expected=means, rest=rest, joint=joint,
     )  # fmt: skip
+
+
+def _all_of(sources: Sequence[Source]) -> Case:
+    return Case("total", frozenset(source.name for source in sources))
 
 
 class _Alone(NamedTuple):

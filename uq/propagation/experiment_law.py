@@ -22,6 +22,7 @@ from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of
 from uq.propagation.law_result import LawResult, LawStatistics
 from uq.propagation.prepared_run import PreparedRun, prepared_run, stacked
 from uq.propagation.uncovered_sources import check_law
+from uq.propagation.undrawn_errors import undrawn_errors, without_undrawn
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
 
@@ -72,14 +73,20 @@ class PreparedLaw:
         for run in self.runs.values():
             check_law(sources, mixing, run.sums.peaks)
         constants = constants_of(sources, mixing)
+        random, undrawn = zip(*(without_undrawn(case, sources) for case in cases), strict=True)
+        experiment = replace(self.experiment, sources=tuple(sources))
         at_rate: dict[float, CaseInputs] = {}
         for name, run in self.runs.items():
-            rate = self.experiment.trajectories[name].rate
-            if rate not in at_rate:
-                at_rate[rate] = inputs_of_cases(cases, constants, sources, mixing, rate, run.sums.peaks)
-            statistics = _of_run(run, constants, at_rate[rate])
+            spec = self.experiment.trajectories[name]
+            if spec.rate not in at_rate:
+                at_rate[spec.rate] = inputs_of_cases(random, constants, sources, mixing, spec.rate, run.sums.peaks)
+            statistics = _of_run(run, constants, at_rate[spec.rate])
+            same = undrawn_errors(experiment, spec, self.estimators, run, set(undrawn))
             results[name] = {
-                estimator: tuple(LawStatistics(*(leaf[k, c] for leaf in statistics)) for c in range(len(cases)))
+                estimator: tuple(
+                    LawStatistics(*(leaf[k, c] for leaf in statistics)).shifted(same[undrawn[c]][k])
+                    for c in range(len(cases))
+                )
                 for k, estimator in enumerate(self.estimators)
             }
         return results

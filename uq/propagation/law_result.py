@@ -1,7 +1,7 @@
 """Results of the law of propagation for an experiment: typed, as result.json."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -36,6 +36,11 @@ class LawStatistics(Shown):
 
     mean_error_standard_error = three_sigma_standard_error = np.full(len(COMPONENTS), np.nan)
     """The law has no standard errors."""
+
+    def shifted(self, error: np.ndarray) -> "LawStatistics":
+        """Return the same with another error of the estimate, that is no random one [kg·m²]."""
+        means = {name: getattr(self, name) + error for name in ("mean_error", "textbook_value", "textbook_mean_error")}
+        return replace(self, **means)
 
     def coverage_interval(self, probability: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of the estimate's error, ``mean error ± k u``, k from Student's t (GUM G.3)."""

@@ -9,6 +9,7 @@ from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 from uq.campaign.campaign_result import MonteCarloResult
+from uq.campaign.statistics import NO_SPREAD
 from uq.coverage.adaptive_procedure import numerical_tolerance
 from uq.coverage.coverage_intervals import Verdict, symmetric_interval, validate
 from uq.propagation.law_result import LawResult, LawStatistics
@@ -19,8 +20,8 @@ DIGITS = 1
 """Significant digits of the standard uncertainty that count (JCGM 101, 7.9.2)."""
 WRONG_FACTOR = 2.0
 """Ratio of two standard deviations from which their difference is named as the reason."""
-ROUNDING = 1e-12
-"""kg·m² that rounding may leave where nothing acts."""
+MANY_ERRORS = 5.0
+"""Standard errors of the Monte Carlo from which it and the law differ by more than chance: 6e-7 of normal figures."""
 
 
 class LawVerdict(NamedTuple):
@@ -51,7 +52,7 @@ def validate_law(law: LawResult, result: MonteCarloResult) -> "LawValidation":
             errors = np.ascontiguousarray(result.errors[trajectory][:, number, k].T).T  # a component's side by side
             interval = symmetric_interval(errors, PROBABILITY, result.points)
             sigma = errors.std(axis=0, ddof=1)
-            tolerance = np.maximum(numerical_tolerance(sigma, DIGITS), ROUNDING)
+            tolerance = np.maximum(numerical_tolerance(sigma, DIGITS), NO_SPREAD)
             ours, textbook = (
                 validate(*ends, interval, tolerance)
                 for ends in (statistics.coverage_interval(PROBABILITY), statistics.textbook_interval(PROBABILITY))
@@ -94,13 +95,26 @@ def _figure(value: float) -> str:
     return significant(GRAM_METRE * value)
 
 
+def undecided(verdict: Verdict) -> np.ndarray:
+    """Return for which outputs the Monte Carlo's own error exceeds the tolerance, so that it can but reject."""
+    return ~rejected(verdict) & ((verdict.resolution > verdict.tolerance) | ~verdict.holds)
+
+
 def words_of(verdict: Verdict) -> list[str]:
     """Return each component's verdict: holds, rejected, or open where there are too few trials to say."""
-    off = rejected(verdict)
-    return [
-        "holds" if holds else "rejected" if no else "open"
-        for holds, no in zip(np.atleast_1d(verdict.holds), off, strict=True)
-    ]
+    off, unsure = rejected(verdict), undecided(verdict)
+    return ["rejected" if no else "open" if few else "holds" for no, few in zip(off, unsure, strict=True)]
+
+
+def standard_errors_apart(law: Any, result: Any, figure: str) -> np.ndarray:
+    """Return the law's figure less the Monte Carlo's of one case, in standard errors of the Monte Carlo.
+
+    Zero where they agree, and infinite where they do not though nothing scatters.
+    """
+    difference = getattr(law, figure) - getattr(result, figure)
+    error = getattr(result, f"{figure}_standard_error")
+    none = np.where(np.abs(difference) > NO_SPREAD, np.copysign(np.inf, difference), 0.0)
+    return np.divide(difference, error, out=none, where=error > NO_SPREAD * 1e-3)
 
 
 @dataclass(frozen=True, repr=False)

@@ -23,6 +23,10 @@ from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.noise_moments import PIECE, RunMoments, run_moments
 from uq.propagation.expansion import DelayedSums
 from uq.propagation.uncovered_sources import Peaks
+from uq.sources.source import SIGNALS
+
+REST = 1e-9
+"""Change from one sample to the next, in parts of the signal's largest value, up to which it rests."""
 
 
 class RunSums(NamedTuple):
@@ -55,13 +59,16 @@ class _PieceSums:
     moments: RunMoments
     squared_steps: Float[np.ndarray, "9"]
     """Squares of what force, moment and omega go from one sample to the next."""
+    resting_steps: Float[np.ndarray, "9"]
+    """Number of samples to the next of which they do not go."""
     largest: Float[np.ndarray, "9"]
     """Largest absolute value of force, moment and omega; it is a maximum, not a sum."""
 
     def __add__(self, other: "_PieceSums") -> "_PieceSums":
         return _PieceSums(
             gram=self.gram + other.gram, wrench=self.wrench + other.wrench, moments=self.moments + other.moments,
-            squared_steps=self.squared_steps + other.squared_steps, largest=np.maximum(self.largest, other.largest),
+            squared_steps=self.squared_steps + other.squared_steps,
+            resting_steps=self.resting_steps + other.resting_steps, largest=np.maximum(self.largest, other.largest),
         )  # fmt: skip
 
 
@@ -87,9 +94,12 @@ def run_sums(
     orders = [np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))]) for x in (sums.gram, sums.wrench)]
     by_estimator = zip(*(x.swapaxes(0, 1) for x in orders), strict=True)
     noise_free: Any = tuple(tuple(map(FeatureSums, *both)) for both in by_estimator)
-    moves = np.sqrt(sums.squared_steps / max(count - 1, 1))
-    largest, steps = (dict(zip(("F", "M", "omega"), x.reshape(3, 3), strict=True)) for x in (sums.largest, moves))
-    return RunSums(noise_free, sums.moments, Peaks(largest, steps))
+    steps = max(count - 1, 1)
+    largest, moves, rests = (
+        dict(zip(SIGNALS, x.reshape(3, 3), strict=True))
+        for x in (sums.largest, np.sqrt(sums.squared_steps / steps), sums.resting_steps / steps)
+    )
+    return RunSums(noise_free, sums.moments, Peaks(largest=largest, moves=moves, rests=rests, rate=rate))
 
 
 def _pieces(
@@ -137,13 +147,17 @@ def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Seque
     signals = np.concatenate([omega, *alphas, wrench[:6]])[:, differentiable]
     sensed = np.concatenate([wrench[:6], motion.omega])[:, inner.start - 1 : inner.stop]
     inside = (piece.numbers >= 0) & (piece.numbers < count)
-    steps = np.diff(sensed) * inside[inner.start - 1 : inner.stop - 1] * inside[inner]
+    both = inside[inner.start - 1 : inner.stop - 1] & inside[inner]
+    steps = np.diff(sensed) * both
+    largest = np.abs(sensed[:, 1:] * inside[inner]).max(axis=1)
+    resting = np.abs(steps) <= REST * np.repeat(largest.reshape(3, 3).max(axis=1), 3)[:, None]
     return _PieceSums(
         gram=np.stack([gram[:, k[:, None], k] for k in chosen], axis=1),
         wrench=np.stack([with_wrench[:, k] for k in chosen], axis=1),
         moments=run_moments(signals, valid[differentiable], taps, margin=2 * reach),
         squared_steps=(steps**2).sum(axis=1),
-        largest=np.abs(sensed[:, 1:] * inside[inner]).max(axis=1),
+        resting_steps=(resting & both).sum(axis=1).astype(float),
+        largest=largest,
     )
 
 

@@ -8,23 +8,32 @@ import numpy as np
 from identify.rounding import significant
 from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
+from uq.gram_sums.cases import cases_of
 from uq.sources.draws import Mixing
-from uq.sources.source import SignalRange, Source, signal_variance
+from uq.sources.source import SIGNALS, SignalRange, Source, disturbs, normal_noise_variance, signal_variance
 
 LONGEST = 140
 """Most characters of sources and options that a message gives in full."""
 
 
 class Peaks(NamedTuple):
-    """Largest values of a noise-free signal, and of its change between samples (rms), on each axis."""
+    """Range and speed of the noise-free signals of a run, axis by axis."""
 
     largest: Mapping[str, np.ndarray]
+    """Largest absolute value."""
     moves: Mapping[str, np.ndarray]
+    """Root mean square of the change from one sample to the next."""
+    rests: Mapping[str, np.ndarray]
+    """Part of the run without such a change."""
+    rate: float
+    """Rate of the samples [Hz]."""
 
 
-ANYWHERE = Peaks(
-    {name: np.zeros(3) for name in ("F", "M", "omega")}, {name: np.full(3, np.inf) for name in ("F", "M", "omega")}
-)
+def _on_axes(value: float) -> Mapping[str, np.ndarray]:
+    return {name: np.full(3, value) for name in SIGNALS}
+
+
+ANYWHERE = Peaks(largest=_on_axes(0.0), moves=_on_axes(np.inf), rests=_on_axes(0.0), rate=1.0)
 """Peaks of a motion that is not yet known: no range ends within its reach, and no step is coarse."""
 
 
@@ -88,5 +97,17 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
         largest=peaks.largest[source.target], moves=peaks.moves[source.target],
         variance=signal_variance(sources, source.signal),
         correlated=any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
+        rests=peaks.rests[source.target], noise=_noise_beside(source, sources, peaks.rate),
     )  # fmt: skip
     return source.error_kind.beyond_the_law(source, signal)
+
+
+def _noise_beside(source: Source, sources: Sequence[Source], rate: float) -> np.ndarray:
+    """Standard deviation of normal white noise beside a source in the cases in which its signal has a random error."""
+    noise = [np.zeros((0, 3))]
+    for case in cases_of(sources):
+        beside = [s for s in sources if source.name in case.sources and s.name in case.sources]
+        if any(disturbs(other, source) for other in beside):
+            variance = normal_noise_variance((s for s in beside if s.signal == source.signal), rate)
+            noise.append(np.sqrt(variance)[None])
+    return np.concatenate(noise)

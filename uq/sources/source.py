@@ -140,6 +140,11 @@ class SignalRange(NamedTuple):
     """Variance of the signal's noise and biases together."""
     correlated: bool
     """Whether the source's draws are correlated, among one another or with those of other sources."""
+    rests: Float[np.ndarray, "3"]
+    """Part of the run in which the noise-free signal does not change."""
+    noise: Float[np.ndarray, "cases 3"]
+    """Standard deviation of the normal white noise beside the source, in each case that has a random error of its
+    signal."""
 
 
 MANY_SIGMA = 6.0
@@ -359,6 +364,19 @@ def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]
 def signal_variance(sources: Iterable[Source], signal: int | None) -> Float[np.ndarray, "3"]:
     """Return the variance that sources add to a signal, an index in :data:`SIGNALS`, whatever the motion."""
     return sum((s.error_kind.added_variance(s) for s in sources if s.signal == signal), np.zeros(3))
+
+
+def normal_noise_variance(sources: Iterable[Source], rate: float) -> Float[np.ndarray, "3"]:
+    """Return the variance of normal white noise that sources of one signal add together, at a sample rate [Hz]."""
+    normal = (s for s in sources if s.noise and isinstance(s.shape, Normal))
+    variances = (s.error_kind.white_variance(s, rate) for s in normal)
+    return sum((variance for variance in variances if variance is not None), np.zeros(3))
+
+
+def disturbs(other: Source, source: Source) -> bool:
+    """Return whether a source's draws change the signal that another source acts on."""
+    by_rig = other.signal is None and not source.of_gyro  # the platform, the body and the air act on the load cell
+    return other.drawn and (other.signal == source.signal or by_rig)
 
 
 def part_of(unit: str) -> float:

@@ -30,10 +30,9 @@ from uq.gram_sums.packed_equations import (
     packed_equations,
     solution_series,
 )
-from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise
-from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source, signal_variance
+from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source, normal_noise_variance, signal_variance
 from uq.trials.engine import Engine, Estimates, TrialSetting
 from uq.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.trials.sums_engine import quasi_random
@@ -98,8 +97,7 @@ def engine_of(
     cases = tuple(cases or cases_of(sources))
 
     def by_samples(cases: Sequence[Case]) -> SamplesEngine:
-        acting = [source for source in sources if any(source.name in case.sources for case in cases)]
-        return prepare_samples(setting._replace(sources=acting), cases, dtype)
+        return prepare_samples(_with_sources_of(setting, cases), cases, dtype)
 
     if engine == "samples":
         return Choice(by_samples(cases), {})
@@ -133,10 +131,22 @@ def engine_of(
     computed = {key: value for key, value in computed.items() if value}
     if len(parts) == 1 and not same:
         return Choice(parts[0], computed)
-    once = _first_trial(by_samples(same)) if same else jnp.zeros((len(setting.estimators), 0, 6))
+    once = estimates_without_draws(setting, same, dtype) if same else jnp.zeros((len(setting.estimators), 0, 6))
     places = {case: k for k, case in enumerate([*summed, *sampled, *same])}
     order = tuple(places[case] for case in cases)
     return Choice(CombinedEngine(cases=cases, parts=tuple(parts), same=once, order=order), computed)
+
+
+def estimates_without_draws(
+    setting: TrialSetting, cases: Sequence[Case], dtype: str = "float64"
+) -> Float[Array, "estimators cases 6"]:
+    """Return the estimates of cases in which nothing is drawn, from one pass over the samples."""
+    return _first_trial(prepare_samples(_with_sources_of(setting, cases), cases, dtype))
+
+
+def _with_sources_of(setting: TrialSetting, cases: Sequence[Case]) -> TrialSetting:
+    acting = [source for source in setting.sources if any(source.name in case.sources for case in cases)]
+    return setting._replace(sources=acting)
 
 
 def _in_sums(
@@ -162,9 +172,7 @@ def _beside(
 ) -> Beside:
     others = [other for other in acting if other.name != source.name and other.signal == source.signal]
     mixed = {name for mix in mixing for name in mix.names}
-    noise = [s for s in others if s.noise and isinstance(s.shape, Normal) and s.name not in mixed]
-    variances = [variance for s in noise if (variance := s.error_kind.white_variance(s, run.rate)) is not None]
-    white = np.sqrt(sum(variances, np.zeros(3)))
+    white = np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))
     same_kind = sum(other.error_kind is source.error_kind for other in others)
     spread = np.sqrt(signal_variance(others, source.signal))
     reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread

@@ -6,12 +6,21 @@ import numpy as np
 
 from identify.reporting import Section, section_of
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, rounded
+from identify.rounding import fixed, rounded, significant, with_uncertainty
 from identify.text_tables import Table
 from uq.campaign.campaign_result import MonteCarloResult
 from uq.coverage.coverage_intervals import Verdict
 from uq.propagation.law_result import LawResult
-from uq.propagation.law_validation import PROBABILITY, LawValidation, rejected, words_of
+from uq.propagation.law_validation import (
+    MANY_ERRORS,
+    PROBABILITY,
+    LawValidation,
+    LawVerdict,
+    rejected,
+    standard_errors_apart,
+    undecided,
+    words_of,
+)
 from uq.report.tables.cases import PAIR, grams
 
 
@@ -23,8 +32,8 @@ def title(_: LawValidation) -> str:
 def tables(result: LawValidation) -> list[Table]:
     """Return the comparison, then how many of the laws' intervals hold: of all cases and components."""
     rows = []
-    for pair in dict.fromkeys((v.trajectory, v.estimator) for v in result.verdicts):
-        verdicts = [v for v in result.verdicts if (v.trajectory, v.estimator) == pair]
+    for pair in result.law.pairs():
+        verdicts = _of_pair(result, *pair)
         rows.append([*pair, _counts([v.law for v in verdicts]), _counts([v.textbook for v in verdicts])])
     question = f"Do the laws' {100 * PROBABILITY:g} % intervals hold? (JCGM 101, clause 8)"
     return [*beside(result.law, result.monte_carlo), Table(question, [*PAIR, "law", "textbook's law"], rows, NOTE)]
@@ -37,17 +46,87 @@ def notes(result: LawValidation) -> list[str]:
         for v in result.verdicts
         if v.case == "total" and v.why
     ]
-    return [f"attention: {text}" for text in findings(result)] + why
+    return [f"attention: {text}" for text in findings(result)] + open_intervals(result) + why
 
 
 def findings(result: LawValidation) -> list[str]:
-    """Return in which cases the law itself is rejected."""
+    """Return where law and Monte Carlo differ, and where the law's intervals are rejected: a line a pair each."""
+    return [text for pair in result.law.pairs() for text in (*_apart(result, *pair), *_rejected(result, *pair))]
+
+
+def open_intervals(result: LawValidation) -> list[str]:
+    """Return how many intervals of the law this many trials cannot judge, and the furthest from it; a line a pair."""
+    lines = []
+    for pair in result.law.pairs():
+        verdicts = _of_pair(result, *pair)
+        few = np.array([undecided(v.law) for v in verdicts])
+        if few.any():
+            tolerance, own = (
+                np.array([getattr(v.law, name) for v in verdicts]) for name in ("tolerance", "resolution")
+            )
+            k, c = np.unravel_index(np.argmax(np.where(few, own / tolerance, 0)), few.shape)
+            lines.append(
+                f"{', '.join(pair)}: {few.sum()} of {few.size} of the law's intervals stay open, as the number of "
+                f"trials does not decide: the Monte Carlo's own ends, of {COMPONENTS[c]} of {_named(verdicts[k])}, are "
+                f"known to ± {_grams(own[k, c])} g·m², where the tolerance is {_grams(tolerance[k, c])}"
+            )
+    return lines
+
+
+def _apart(result: LawValidation, trajectory: str, estimator: str) -> list[str]:
+    """The figures of all sources together that differ by more than chance."""
+    ours, theirs = (x[trajectory, estimator].total for x in (result.law, result.monte_carlo))
+    texts = []
+    for figure, words in (("mean_error", "mean error"), ("three_sigma", "3σ")):
+        apart = np.abs(standard_errors_apart(ours, theirs, figure))
+        by_law, by_trials = getattr(ours, figure), getattr(theirs, figure)
+        written = grams(by_trials, getattr(theirs, f"{figure}_standard_error"))
+        texts += [
+            f"{words} of {COMPONENTS[k]} {_grams(by_law[k])}, not {written[k]} g·m²"
+            for k in np.flatnonzero(apart >= MANY_ERRORS)
+        ]
+    if not texts:
+        return []
     return [
-        f"{v.trajectory}, {v.estimator}: the law's interval is rejected for {v.case.replace('_', ' ')} "
-        f"({', '.join(c for c, word in zip(COMPONENTS, words_of(v.law), strict=True) if word == 'rejected')})"
-        for v in result.verdicts
-        if rejected(v.law).any()
+        f"{trajectory}, {estimator}: law and Monte Carlo are {MANY_ERRORS:.0f} standard errors or more apart; rely on "
+        f"the Monte Carlo: {', '.join(texts)}"
     ]
+
+
+def _rejected(result: LawValidation, trajectory: str, estimator: str) -> list[str]:
+    """The intervals that are rejected, and which is off by most of its tolerance."""
+    verdicts = _of_pair(result, trajectory, estimator)
+    off = np.array([rejected(v.law) for v in verdicts])
+    if not off.any():
+        return []
+    excess = np.array([v.law.distance / v.law.tolerance for v in verdicts])
+    k, c = np.unravel_index(np.argmax(np.where(off, excess, 0)), off.shape)
+    cases = ", ".join(
+        f"{_named(v)} ({', '.join(c for c, no in zip(COMPONENTS, row, strict=True) if no)})"
+        for v, row in zip(verdicts, off, strict=True)
+        if row.any()
+    )
+    distance, own, tolerance = (
+        x[c] for x in (verdicts[k].law.distance, verdicts[k].law.resolution, verdicts[k].law.tolerance)
+    )
+    return [
+        f"{trajectory}, {estimator}: {off.sum()} of {off.size} of the law's {100 * PROBABILITY:g} % intervals are "
+        f"rejected (JCGM 101, 8.1): {cases}; the furthest, {COMPONENTS[c]} of {_named(verdicts[k])}, has an end "
+        f"off by {with_uncertainty(GRAM_METRE * distance, GRAM_METRE * own / 2)} g·m², where the tolerance is "
+        f"{_grams(tolerance)}"
+    ]
+
+
+def _of_pair(result: LawValidation, trajectory: str, estimator: str) -> list[LawVerdict]:
+    return [v for v in result.verdicts if (v.trajectory, v.estimator) == (trajectory, estimator)]
+
+
+def _named(verdict: LawVerdict) -> str:
+    return verdict.case.replace("_", " ")
+
+
+def _grams(value: float) -> str:
+    return significant(GRAM_METRE * value, 2)
 
 
 def section(result: LawValidation) -> Section:
@@ -58,8 +137,7 @@ def section(result: LawValidation) -> Section:
 def _by_case(result: LawValidation) -> Table:
     """The six components' verdicts on each law, and why the textbook's is rejected, by case."""
     rows = [
-        [v.trajectory, v.estimator, v.case.replace("_", " "), _counts([v.law]), _counts([v.textbook]), v.why]
-        for v in result.verdicts
+        [v.trajectory, v.estimator, _named(v), _counts([v.law]), _counts([v.textbook]), v.why] for v in result.verdicts
     ]
     head = [*PAIR, "alone", "law", "textbook's", "why rejected"]
     return Table("The laws' intervals, case by case", head, rows, wrap=True)
@@ -83,7 +161,7 @@ def beside(law: LawResult, result: MonteCarloResult) -> list[Table]:
         for name in ("mean_error", "three_sigma"):
             by_law, by_trials = getattr(ours, name), getattr(theirs, name)
             error = getattr(theirs, f"{name}_standard_error")
-            apart = np.divide(by_law - by_trials, error, out=np.zeros(6), where=error > 0)
+            apart = standard_errors_apart(ours, theirs, name)
             columns.append(list(map(rounded, GRAM_METRE * by_law, GRAM_METRE * error)))
             columns += [grams(by_trials, error), [fixed(value, 2) for value in apart]]
         rows = [list(row) for row in zip(COMPONENTS, *columns, strict=True)]
@@ -95,5 +173,6 @@ HEAD_BESIDE = ("g·m²", "mean error, law", "Monte Carlo", "apart", "3σ, law", 
 BESIDE_NOTE = "All sources together. apart: law minus Monte Carlo, in standard errors of the Monte Carlo."
 NOTE = (
     "Counted over all sources together, each group and each source alone, and six components; to one digit of the "
-    "standard uncertainty. open: too few trials to say."
+    "standard uncertainty. open: the Monte Carlo's own error exceeds that tolerance, so that its number of trials does "
+    "not decide."
 )

@@ -14,6 +14,10 @@ from uq.sources.source import SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Sour
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
 
+LONGEST_REST = 0.05
+"""Part of a run that a signal may rest, at the starts and ends of its motions: by that part its rounding's variance is
+less than a moving signal's."""
+
 STEPS_OF_NOISE = 0.5
 """Standard deviation of a signal's normal noise, in steps, from which its rounding acts as independent noise. The mean
 rounding error at a given value of the signal is then at most ``exp(-2π² σ²/q²)/π`` = 0.0023 steps q, and its
@@ -57,15 +61,19 @@ class Quantisation(ErrorKind):
         return np.square(source.settings["step"]) / 12
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
-        """Return that a signal that moves by less than a step between samples is rounded to one value for long."""
+        """Return that an axis neither has noise enough nor moves enough for its rounding to be white noise.
+
+        Where nothing random acts on the signal, the rounding needs neither: it is the same in every trial.
+        """
         step = np.asarray(source.settings["step"])
-        if not np.any(step * ENOUGH_STEPS > signal.moves):
+        bare = (STEPS_OF_NOISE * step > signal.noise).any(axis=0)
+        slow, still = bare & (step * ENOUGH_STEPS > signal.moves), bare & (signal.rests > LONGEST_REST)
+        if not (slow | still).any():
             return None
-        axis = int(np.argmax(step / np.maximum(signal.moves, 1e-300)))
-        return (
-            f"rounds axis {axis + 1} to {step[axis]:g}, but from sample to sample it moves by "
-            f"{signal.moves[axis]:.2g} only, so that the rounding is no white noise"
-        )
+        axis = int(np.argmax(np.where(slow | still, step / np.maximum(signal.moves, 1e-300), -1)))
+        rest = f"rests in {100 * signal.rests[axis]:.0f} % of the run"
+        how = rest if still[axis] else f"moves by {signal.moves[axis]:.2g} a sample"
+        return f"rounds axis {axis + 1} to {step[axis]:g}, which {how} with noise below half a step"
 
 
 def quantised(signal: Float[Array, "3 n"], step: Float[Array, "3 1"]) -> Float[Array, "3 n"]:
