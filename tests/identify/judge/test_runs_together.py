@@ -38,10 +38,21 @@ def half_width(result):
 
 
 def test_flights_whose_gyro_vibrates_have_narrow_intervals_and_few_warnings():
-    """Errors of 0.14 %, by the low-pass of the recorded moment. Once 8 % wide, with a warning in most of the flights."""
+    """Twelve of the fourteen flights once had a warning of their own, and the moments ± 3 to 5 %.
+
+    The moments' errors, 0.16 %, are one of the rig: the low-pass of the recorded moment. The interval's score, its width
+    and twice the miss over 5 %, is 0.0038 of the moments; of one that is 1.96 of these errors wide to either side, 0.0062.
+    Once it was 0.087, with an error over u of 0.06. Other flights have a common error of 0.24 % and ± 0.08 %: nothing
+    declares the low-pass here.
+    """
     result = flown(Trouble(), count=14, vibration=0.03)
-    assert (np.abs(result.inertia - TRUTH)[MOMENTS] < 3e-3 * SIZE[MOMENTS]).all()
+    error, u = np.abs(result.inertia - TRUTH), result.standard_uncertainty
+    assert (error[MOMENTS] < 3e-3 * SIZE[MOMENTS]).all()
     assert (half_width(result)[MOMENTS] < 1e-2 * SIZE[MOMENTS]).all()
+    assert 0.7 < np.sqrt(np.mean((error / u) ** 2)) < 1.3
+    honest = 2 * 1.96 * np.sqrt(np.mean((error / SIZE)[MOMENTS] ** 2))
+    missed = 2 / 0.05 * np.maximum(error - half_width(result), 0)
+    assert ((2 * half_width(result) + missed) / SIZE)[MOMENTS].mean() < honest
     assert len(result.warnings) <= 2
     impossible = {"cable", "jump", "drift", "slip", "flexible mounting", "centre of gravity"}
     assert not impossible & set(causes(result))
