@@ -1,7 +1,7 @@
 """The joint estimate of one run: the most probable unknowns, given its samples and the prior.
 
 Gauss–Newton on whitened residuals and priors (maximum a posteriori); the covariance is the inverse of the information
-at the solution.
+at the solution. Where noise has a spectrum, the rows' equations count as it is (:mod:`identify.joint.noise_spectrum`).
 """
 
 from collections.abc import Callable
@@ -23,6 +23,15 @@ Transform = Callable[[Float[np.ndarray, "n rows p"]], Float[np.ndarray, "m rows 
 """Function that transforms rows before they are weighed."""
 
 
+Weights = Callable[[Float[np.ndarray, "m rows p"]], Float[np.ndarray, "p p"]]
+"""Function from transformed columns to the weights of their equations."""
+
+
+def unweighted(columns: Float[np.ndarray, "m rows p"]) -> Float[np.ndarray, "p p"]:
+    """Return the weights of equations in white noise, 1."""
+    return np.eye(columns.shape[2])
+
+
 class RunSolution(NamedTuple):
     """The solution of one run."""
 
@@ -30,6 +39,8 @@ class RunSolution(NamedTuple):
     """Most probable coordinates z; ``prior.theta(z)`` are the unknowns."""
     information: Float[np.ndarray, "free free"]
     """Information of the samples on z."""
+    weights: Float[np.ndarray, "free free"]
+    """Weights of the equations ``Xᵀ r = 0`` of least squares beside priors: 1 where the noise is white."""
     prediction: PredictedWrench
     """The prediction with these unknowns."""
     steps: int
@@ -65,8 +76,10 @@ def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transf
 def solve(
     model: Model,
     prior: Prior,
-    whitener: Float[np.ndarray, "rows rows"],
     start: Float[np.ndarray, " free"],
+    transform: Transform,
+    *,
+    weights: Weights = unweighted,
     tolerance: float = TOLERANCE,
 ) -> RunSolution:
     """Return the most probable unknowns.
@@ -74,20 +87,21 @@ def solve(
     Args:
         model: the run.
         prior: of its unknowns.
-        whitener: W with ``W C Wᵀ = 1``, C the covariance of one instant's rows.
         start: z to start from.
+        transform: of rows, to units of their noise.
+        weights: of the equations, given the transformed columns.
         tolerance: of the solution, in standard uncertainties.
     """
     z, change, steps = start, np.full(len(start), np.inf), 0
     while True:
-        at = linearised(model, prior, z, lambda rows: np.asarray(whitener @ rows))
-        columns = at.columns.reshape(-1, len(z))
-        information = columns.T @ columns
+        at = linearised(model, prior, z, transform)
+        columns, weight = at.columns.reshape(-1, len(z)), weights(at.columns)
+        information = weight @ (columns.T @ columns)
         normal = information + np.diag(prior.counted)
-        change = np.linalg.solve(normal, columns.T @ at.residuals.ravel() - prior.counted * z)
+        change = np.linalg.solve(normal, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
         converged = bool(change @ normal @ change < tolerance**2 * len(z))
         if converged or steps == MOST_STEPS or not np.isfinite(change).all():
-            return RunSolution(z, information, at.prediction, steps, converged)
+            return RunSolution(z, information, weight, at.prediction, steps, converged)
         z, steps = z + change, steps + 1
 
 

@@ -51,7 +51,8 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     shared = shared_unknowns(setting.errors, calibrated=is_calibrated, drawn_by_mounting=drawn)
     by_mounting = {*drawn, *(error.unknown for error in setting.errors.values() if not error.shared)} - shared
     pooled = pool(joint_runs, shared, by_mounting)
-    freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else _freedom(joint_runs)
+    by_residuals = float(np.sum([fitted_run.degrees_of_freedom for fitted_run in joint_runs]))
+    freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else by_residuals
     factor = float(scipy.special.stdtrit(freedom, 0.975))
     tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
@@ -162,12 +163,6 @@ def _share(pooled: PooledJoint, where: slice) -> np.ndarray:
     return np.where(total > 0, np.diag(pooled.from_prior)[where] / np.where(total > 0, total, 1.0), 1.0)
 
 
-def _freedom(runs: Sequence[JointRun]) -> float:
-    """Independent residuals in the band less the unknowns."""
-    bins = sum(len(run.noise) * run.run.t.size / run.model.rows.factor for run in runs)
-    return max(bins / 2 - sum(len(run.fit.z) for run in runs), 1.0)
-
-
 def _bias(runs: Sequence[JointRun], pooled: PooledJoint) -> np.ndarray:
     """Expected error of the first run's unknowns from the gyro's noise in alpha, to first order, (count,).
 
@@ -186,7 +181,9 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     matrix = _by_alpha(run.model, theta)
     slope = np.stack([(_by_alpha(run.model, theta + step) - _by_alpha(run.model, theta - step)) / (2 * STEP)
                       for step in STEP * np.eye(len(theta))], axis=-1)  # fmt: skip
-    return float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
+    score = float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
+    root = run.prior.root
+    return np.asarray(np.linalg.pinv(root).T @ run.fit.weights @ root.T @ score)
 
 
 STEP = 1e-5
@@ -214,7 +211,7 @@ def _assumptions(specific_force: SpecificForce, runs: int) -> tuple[str, ...]:
     return (
         FORCE_ASSUMPTION[specific_force],
         *shared,
-        "the load cell's noise is white over the motion's band",
+        "the load cell's noise is the same over a run",
         "the gyro's noise is white",
         "the platform is rigid",
     )

@@ -6,15 +6,18 @@ import numpy as np
 
 from identify.estimators.run_information import excitation, noise_in_normal
 from identify.joint.delay_search import features_at_delay, motion_at_delay, search_delay
-from identify.joint.gauss_newton import ROUGH, RunSolution, posterior, solve
+from identify.joint.gauss_newton import ROUGH, RunSolution, Transform, linearised, posterior, solve
 from identify.joint.joint_model import COUNT, SLICES, Model, unknowns
 from identify.joint.motion_signals import MotionSignals
+from identify.joint.noise_spectrum import NoiseSpectrum, noise_spectrum
 from identify.joint.priors import Alignment, Prior, Setting, run_prior
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrices, cross_matrix
 from identify.rigid_body.rotation import exponential
 from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand, in_band, low_pass
 from identify.signals.run import Run, RunError
+from identify.sums.residual_spectrum import Lines
+from identify.sums.run_lines import unbroken
 
 LEAST_NOISE = 1e-5
 """Noise of a signal, as a part of its size, below which it counts as that (simulated runs may have none)."""
@@ -31,9 +34,11 @@ class JointRun:
     prior: Prior
     fit: RunSolution
     noise: np.ndarray
-    """Covariance of one sample's rows, were its noise white: force [N] and moment [N·m], or moment alone."""
+    """Covariance of one sample's rows at its mean level over the band: force [N] and moment [N·m], or moment alone."""
     gyro_noise: np.ndarray
     """Standard deviation of the gyro's white noise [rad/s]."""
+    degrees_of_freedom: float
+    """Effective ones of the tensor's variances by the noise."""
 
     @property
     def theta(self) -> np.ndarray:
@@ -63,14 +68,41 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     _check_excitation(run, model, setting, sigma)
     noise = _raw_noise(run, model, prior) / model.rows.factor
     try:
-        first = solve(model, prior, whitener(noise), search_start(model, prior, setting), ROUGH)
+        first = solve(model, prior, search_start(model, prior, setting), whitening(noise), tolerance=ROUGH)
         _check(run.name, model, prior, first)
         noise = residual_noise(first, prior, model)
-        fit = solve(model, prior, whitener(noise), first.z)
+        transform, spectrum = _coloured(first, prior, model, whitener(noise))
+        fit = solve(model, prior, first.z, transform, weights=spectrum.weights)
         _check(run.name, model, prior, fit)
     except np.linalg.LinAlgError:  # rows that the first solution leaves without noise, or with none that is finite
         raise _without_solution(run.name) from None
-    return JointRun(run=run, model=model, prior=prior, fit=fit, noise=noise * rows.factor, gyro_noise=sigma)
+    freedom = _freedom(fit, prior, linearised(model, prior, fit.z, transform).columns, spectrum)
+    return JointRun(
+        run=run, model=model, prior=prior, fit=fit, noise=noise * rows.factor, gyro_noise=sigma,
+        degrees_of_freedom=freedom,
+    )  # fmt: skip
+
+
+def _coloured(fit: RunSolution, prior: Prior, model: Model, white: np.ndarray) -> tuple[Transform, NoiseSpectrum]:
+    """Return the transform of rows to whitened lines, and the spectrum of what a solution leaves on them."""
+    lines = Lines.of(unbroken(np.flatnonzero(model.used)), 1 / model.rows.interval)
+
+    def transform(rows: np.ndarray) -> np.ndarray:
+        return lines.transform(np.asarray(white @ rows))
+
+    at = linearised(model, prior, fit.z, transform)
+    return transform, noise_spectrum(
+        at.residuals, at.columns, prior.counted, white @ least_noise(model) @ white.T,
+        inside=int((lines.frequency <= PASSED * model.rows.band).sum()), constants=lines.constants,
+        independent=model.specific_force == "still",
+    )  # fmt: skip
+
+
+def _freedom(fit: RunSolution, prior: Prior, columns: np.ndarray, spectrum: NoiseSpectrum) -> float:
+    """Effective degrees of freedom of the tensor's variances by the noise, of which the residuals tell the level."""
+    covariance = np.linalg.inv(fit.information + np.diag(prior.counted))
+    gain = fit.weights.T @ covariance @ prior.root[SLICES["inertia"]].T
+    return float(np.mean(spectrum.degrees_of_freedom(columns, gain)))
 
 
 def gyro_noise(run: Run) -> np.ndarray:
@@ -116,8 +148,20 @@ def whitener(covariance: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
+def whitening(covariance: np.ndarray) -> Transform:
+    """Return the function to rows in units of noise of this covariance."""
+    white = whitener(covariance)
+    return lambda rows: np.asarray(white @ rows)
+
+
+def least_noise(model: Model) -> np.ndarray:
+    """Return the covariance that a run's rows have at least, of :data:`LEAST_NOISE`, (rows, rows)."""
+    size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)
+    return np.diag(size[3 * (model.specific_force == "none") :] ** 2) / model.rows.factor
+
+
 def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
-    """Return the covariance of the rows' white noise from the residuals' spectrum over the band, (rows, rows).
+    """Return the covariance of the rows' noise, the residuals' mean over the band, (rows, rows).
 
     Axes are independent, but where the specific force or the measured force puts one noise into several rows. What the
     fit has taken of the residuals (its effective number of unknowns) is put back.
@@ -133,8 +177,7 @@ def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
     taken = np.trace(np.linalg.solve(fit.information + np.diag(prior.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
-    size = LEAST_NOISE * np.repeat([_size(model.rows.force), _size(model.rows.moment)], 3)[-len(level) :]
-    level = level + np.diag(size**2) / model.rows.factor
+    level = level + least_noise(model)
     return level if model.specific_force != "still" else np.diag(np.diag(level))
 
 

@@ -1,8 +1,8 @@
 """Effects of errors of the rig that an estimate takes as zero: its derivative by each of them.
 
-Of the joint estimate: the normal equations of its unknowns under their priors, with the errors' signals on the other
-side. Of least squares only what no declared source can be, the mounting's flexibility; the rest has the derivatives of
-type B (:mod:`uq.identification.systematic_errors`).
+Of the joint estimate: the normal equations of its unknowns under their priors, weighed as it weighs them, with the
+errors' signals on the other side. Of least squares only what no declared source can be, the mounting's flexibility; the
+rest has the derivatives of type B (:mod:`uq.identification.systematic_errors`).
 
 Quantities that the estimator takes as declared are compared with the runs.
 """
@@ -116,7 +116,11 @@ def pooled_change(
     common = prior.root[indices(shared)].any(axis=0)
     precision = np.diag(np.where(common, 0.0, prior.counted))
     reduced = [
-        eliminated(products(fit.columns, fit.columns) + precision, products(fit.columns, columns), common)
+        eliminated(
+            fit.weights @ products(fit.columns, fit.columns) + precision,
+            fit.weights @ products(fit.columns, columns),
+            common,
+        )
         for fit, columns in zip(fits, added, strict=True)
     ]
     normal = np.diag(prior.counted[common]) + np.sum([run.matrix for run in reduced], axis=0)

@@ -19,6 +19,7 @@ from identify.estimators.hausman import EstimateDifference
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
 from identify.joint.motion_signals import MotionSignals
+from identify.joint.noise_spectrum import noise_spectrum
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.joint.priors import Alignment, Prior, Setting, indices
 from identify.joint.single_run import gyro_noise, prepared, start_bias, start_up
@@ -100,6 +101,15 @@ class RunFit:
     def frequency(self) -> Float[np.ndarray, " m"]:
         """Frequency of each line [Hz]."""
         return np.arange(len(self.residuals)) / (2 * self.lines.interval * len(self.prediction.signals.t))
+
+    @cached_property
+    def weights(self) -> Float[np.ndarray, "q q"]:
+        """Weights of the equations of least squares beside priors, as the joint estimate takes them."""
+        noise = noise_spectrum(
+            self.residuals, self.columns, self.prior.counted, 1e-10 * np.eye(self.residuals.shape[1]),
+            inside=len(self.residuals), independent=self.prediction.force_from == "still",
+        )  # fmt: skip
+        return noise.weights(self.columns)
 
     @cached_property
     def base(self) -> Base:

@@ -81,7 +81,7 @@ class LineRows(Protocol):
 
     def __len__(self) -> int: ...
 
-    def __getitem__(self, part: slice, /) -> Float[np.ndarray, "k 3 p"]: ...
+    def __getitem__(self, part: slice, /) -> Float[np.ndarray, "k rows p"]: ...
 
 
 def blocks(count: int) -> Iterator[slice]:
@@ -147,22 +147,22 @@ class Spectrum:
         terms = ((rows[part], self.at(part)) for part in blocks(len(rows)))
         return np.sum([np.tensordot(x, covariance @ x, axes=((0, 1), (0, 1))) for x, covariance in terms], axis=0)
 
-    def degrees_of_freedom(self, rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, " p"]:
-        """Return the effective degrees of freedom of the variances of ``inverse @ Σ rowsᵀ u`` over the first lines.
+    def degrees_of_freedom(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> Float[np.ndarray, " k"]:
+        """Return the effective degrees of freedom of the variances of ``gainᵀ Σ rowsᵀ u`` over the first lines.
 
         Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
         """
-        inside = self._inside(rows, inverse)
+        inside = self._inside(rows, gain)
         first, last = self.windows(slice(0, inside))
         reach = int(last.max())
         begun, ended = (np.searchsorted(ends, np.arange(reach), "right") for ends in (first, last))
-        return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in inverse.T])
+        return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in gain.T])
 
-    def _inside(self, rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> int:
-        """Number of the first lines that hold all but a thousandth of each variance of ``inverse @ Σ rowsᵀ u``."""
+    def _inside(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> int:
+        """Number of the first lines that hold all but a thousandth of each variance of ``gainᵀ Σ rowsᵀ u``."""
 
-        def variances(part: slice) -> Float[np.ndarray, "p k"]:
-            combinations = rows[part] @ inverse
+        def variances(part: slice) -> Float[np.ndarray, "k m"]:
+            combinations = rows[part] @ gain
             return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
 
         totals = map(np.cumsum, np.concatenate([variances(part) for part in blocks(len(rows))], axis=1))
@@ -267,8 +267,9 @@ def _colour(
 
 def _root(matrices: np.ndarray) -> np.ndarray:
     """``Lᵀ`` of each ``L Lᵀ``."""
-    scale = np.trace(matrices, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    return np.swapaxes(np.linalg.cholesky(matrices + 1e-9 * scale + 1e-300 * np.eye(3)), 1, 2)
+    unit = np.eye(matrices.shape[1])
+    scale = np.trace(matrices, axis1=1, axis2=2)[:, None, None] * unit
+    return np.swapaxes(np.linalg.cholesky(matrices + 1e-9 * scale + 1e-300 * unit), 1, 2)
 
 
 BINS = 300

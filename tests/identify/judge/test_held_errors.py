@@ -19,13 +19,13 @@ SIGMA = np.array([0.1, 0.2, 0.3])
 
 
 def fit_of(columns):
-    """A run's fit with nothing but its columns and its prior, which knows r_CG alone."""
+    """A run's fit in white noise with nothing but its columns and its prior, which knows r_CG alone."""
     root = np.zeros((COUNT, 12))
     for name, where in PLACES.items():
         root[SLICES[name], where] = np.diag(SIGMA) if name == "r_cg" else np.eye(where.stop - where.start)
     fit = object.__new__(RunFit)
     prior = Prior(np.zeros(COUNT), root, np.array([1.0] * 3 + [0.0] * 9))
-    for name, value in (("columns", columns), ("prior", prior)):
+    for name, value in (("columns", columns), ("prior", prior), ("weights", np.eye(12))):
         object.__setattr__(fit, name, value)
     return fit
 
@@ -49,7 +49,7 @@ SHORT = {"seconds": 15.0}
 
 
 def linear_fit(columns, rows, start):
-    """A run's fit of linear rows, stopped at some coordinates, with a prior of r_CG about (1, 2, 3)."""
+    """A run's fit of linear rows in white noise, stopped at some coordinates, with a prior of r_CG about (1, 2, 3)."""
     root, mean = np.zeros((COUNT, 12)), np.zeros(COUNT)
     for name, where in PLACES.items():
         root[SLICES[name], where] = np.diag(SIGMA) if name == "r_cg" else np.eye(where.stop - where.start)
@@ -57,7 +57,7 @@ def linear_fit(columns, rows, start):
     fit = object.__new__(RunFit)
     parts = {
         "columns": columns, "best": start, "residuals": rows - columns @ start,
-        "prior": Prior(mean, root, np.array([1.0] * 3 + [0.0] * 9)),
+        "prior": Prior(mean, root, np.array([1.0] * 3 + [0.0] * 9)), "weights": np.eye(12),
     }  # fmt: skip
     for name, value in parts.items():
         object.__setattr__(fit, name, value)
