@@ -28,6 +28,7 @@ from benchmarks.studies.throws import holds, least_squares
 from identify.exceptions import RunError
 from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import features
+from tests.helpers.interval_quality import Quality, quality
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, write
 from tests.helpers.troubles import TROUBLES
@@ -115,6 +116,10 @@ class Judged(NamedTuple):
     """Components, of six, whose interval holds the truth; those of a refusal count as none."""
     half_widths: float
     """The largest error in half-widths of its interval; not a number where it refuses."""
+    error_over_u: float
+    """Root mean square of the errors over half the width over 1.96; not a number where it refuses."""
+    score: float
+    """Mean interval score over the largest moment, in %; not a number where it refuses."""
     warned: bool
     seconds: float
     """Processor time, without what the first run compiles."""
@@ -137,13 +142,14 @@ def judged(trouble: str, seed: int, folder: Path) -> Iterator[Judged]:
         stated = peer(path, experiment)
         spent = time.process_time() - began
         for label, intervals in ((name, stated.intervals), (f"{name}{UNDECLARED}", stated.with_undeclared)):
-            covered, off = 0, np.nan
+            covered, off, shown = 0, np.nan, Quality(np.nan, np.nan, np.nan)
             if intervals is not None:
                 covered = int(holds(intervals, measured.truth).sum())
                 off = float((np.abs(measured.truth - intervals.mean(axis=1)) / np.ptp(intervals, axis=1)).max() * 2)
+                shown = quality(intervals, measured.truth)
             elif label != name:
                 continue
-            yield Judged(trouble, seed, label, covered, off, stated.warned, spent)
+            yield Judged(trouble, seed, label, covered, off, shown.error_over_u, shown.score, stated.warned, spent)
 
 
 def row(peer: str, answers: Sequence[Judged]) -> str:
@@ -153,9 +159,14 @@ def row(peer: str, answers: Sequence[Judged]) -> str:
     def share(values: Sequence[bool]) -> str:
         return f"{sum(values)} of {len(values)}"
 
+    def width(some: Sequence[Judged]) -> list[str]:
+        stated = [a for a in some if np.isfinite(a.half_widths)]
+        ratio = np.sqrt(np.mean([a.error_over_u**2 for a in stated]))
+        covered = f"{100 * np.mean([a.covered for a in stated]) / 6:.0f}"
+        return [covered, f"{ratio:.2g}", f"{np.mean([a.score for a in stated]):.2g}"]
+
     cells = [
-        f"{100 * np.mean([a.covered for a in clean]) / 6:.0f}", share([a.warned for a in clean]),
-        f"{100 * np.mean([a.covered for a in troubled if np.isfinite(a.half_widths)]) / 6:.0f}",
+        *width(clean), share([a.warned for a in clean]), *width(troubled),
         share([a.half_widths > WRONG for a in troubled]), share([a.silent for a in troubled]),
         f"{np.nanmax([a.half_widths for a in troubled if not a.warned], initial=0.0):.2g}",
         f"{np.median([a.seconds for a in answers]):.1f}",
@@ -185,10 +196,10 @@ def main() -> None:
             file.flush()
             answers += judgements
     print(
-        "| program | clean: covered, % | warned "
-        "| troubles: covered, % | wrong | without a warning | off by up to | seconds |"
+        "| program | clean: covered, % | error/u | score, % | warned "
+        "| troubles: covered, % | error/u | score, % | wrong | without a warning | off by up to | seconds |"
     )
-    print("|" + "---|" * 8)
+    print("|" + "---|" * 12)
     for name in dict.fromkeys(answer.peer for answer in answers):
         print(row(name, [answer for answer in answers if answer.peer == name]))
 

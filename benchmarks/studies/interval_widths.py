@@ -31,7 +31,7 @@ ENOUGH = 0.1
 
 
 def rows(name: str) -> Iterator[str]:
-    """Yield a line of the table for each method, of the component whose second interval is widest for its first."""
+    """Yield a line of the table for each method."""
     with tempfile.TemporaryDirectory() as folder:
         for file in (files("uq") / "examples").iterdir():
             (Path(folder) / file.name).write_text(file.read_text("utf-8").replace('undeclared = "none"', ""), "utf-8")
@@ -54,7 +54,7 @@ def row_of_runs(name: str, paths: Sequence[Path], experiment: Experiment, method
     try:
         result = identify_files(paths, experiment, method=method)
     except MISTAKES as error:
-        return f"| {name}, {method} | {error} | | | |"
+        return f"| {name}, {method} | {error} |{' |' * 6}"
     half = result.coverage_factors * result.parameters.standard_uncertainty
     names = [f"{component}, g·m²" for component in COMPONENTS]
     return row(f"{name}, {method}", names, GRAM_METRE, half, 4, result.undeclared)
@@ -72,7 +72,7 @@ def row_of_poses() -> str:
 def row(
     label: str, names: Sequence[str], unit: float, half: np.ndarray, first: int, undeclared: Undeclared | None
 ) -> str:
-    """Return the line of one result, of the parameter whose second interval is widest for its first.
+    """Return the line of one result, of the parameters whose second interval is widest for its first, and widest.
 
     Args:
         label: the experiment and method.
@@ -85,9 +85,11 @@ def row(
     added = undeclared or Undeclared()
     looked_at = slice(first, first + len(names))
     wide = added.half_width(half)
-    worst = int(np.argmax(wide[looked_at] / half[looked_at]))
-    cells = [significant(unit * values[looked_at][worst], 2) for values in (half, wide)]
-    return f"| {label} | {names[worst]} | {' | '.join(cells)} | {declare(half, looked_at, added)} |"
+    cells = [label]
+    for size in (wide[looked_at] / half[looked_at], wide[looked_at]):
+        worst = int(np.argmax(size))
+        cells += [names[worst], *(significant(unit * values[looked_at][worst], 2) for values in (half, wide))]
+    return f"| {' | '.join([*cells, declare(half, looked_at, added)])} |"
 
 
 def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
@@ -108,8 +110,11 @@ def main() -> None:
     """Print the table."""
     folders = [Path(argument) for argument in sys.argv[1:]]
     jax.config.update("jax_enable_x64", True)
-    print("| experiment, method | component | first, ± | second, ± | to declare, the largest first |")
-    print("|" + "---|" * 5)
+    print(
+        "| experiment, method | component | first, ± | second, ± | widest | first, ± | second, ± "
+        "| to declare, the largest first |"
+    )
+    print("|" + "---|" * 8)
     for name in EXAMPLES:
         for line in rows(name):
             print(line, flush=True)

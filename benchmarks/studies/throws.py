@@ -21,6 +21,7 @@ from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from identify.sums.run_lines import rows_of
+from tests.helpers.interval_quality import error_over_u, interval_score
 from uq.experiment.experiment import Experiment
 from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run
@@ -116,9 +117,8 @@ def holds(interval: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def summary(ends: np.ndarray, truth: np.ndarray) -> str:
     """Return how many intervals hold the truth, beside how wide those of the moments are.
 
-    Width and miss are in per cent of the truth: half the width, the median and the widest; the interval score (width
-    and 2/0.05 times the miss, Gneiting and Raftery 2007, doi:10.1198/016214506000001437), the mean; the error over half
-    the width over 1.96, root mean square.
+    Width and miss are in per cent of the truth: half the width, the median and the widest; the mean interval score;
+    the error over half the width over 1.96, root mean square.
 
     Args:
         ends: of intervals of some runs, (runs, 6, 2).
@@ -126,12 +126,11 @@ def summary(ends: np.ndarray, truth: np.ndarray) -> str:
     """
     held, size = holds(ends, truth), truth[MOMENTS]
     low, high = np.moveaxis(ends[:, MOMENTS], -1, 0)
-    half, error = (high - low) / 2, (high + low) / 2 - size
-    score = 2 * half + 2 / 0.05 * (np.maximum(low - size, 0) + np.maximum(size - high, 0))
-    ratio = np.sqrt(np.mean((error / (half / 1.96)) ** 2))
+    half = (high - low) / 2
+    score = interval_score(ends[:, MOMENTS], size)
     return (
         f"{held.sum():4} of {held.size:3} {100 * np.median(half / size):8.2g} {100 * (half / size).max():8.2g}"
-        f" {100 * (score / size).mean():8.2g} {ratio:8.2g}"
+        f" {100 * (score / size).mean():8.2g} {error_over_u(ends[:, MOMENTS], size):8.2g}"
     )
 
 

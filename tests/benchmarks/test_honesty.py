@@ -1,4 +1,4 @@
-"""Honesty counts what it says: wrong answers, those without a warning, refusals; plain least squares are right without noise."""
+"""Honesty counts what it says: wrong answers, those without a warning, refusals, how wide intervals are; plain least squares are right without noise."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ from uq.experiment.experiment import Experiment
 
 def test_row_counts_wrong_and_silent_answers():
     """One clean run of two is warned; of four troubles one is silent, one warned of, one right, one refused."""
-    clean = [Judged(CLEAN, 0, "p", 6, 0.5, False, 1.0), Judged(CLEAN, 1, "p", 3, 1.5, True, 1.0)]
+    clean = [Judged(CLEAN, 0, "p", 6, 0.5, 0.6, 2.0, False, 1.0), Judged(CLEAN, 1, "p", 3, 1.5, 0.8, 4.0, True, 1.0)]
     troubled = [
-        Judged("a", 0, "p", 0, 9.0, False, 1.0), Judged("b", 0, "p", 3, 20.0, True, 1.0),
-        Judged("c", 0, "p", 6, 1.0, False, 3.0), Judged("d", 0, "p", 0, np.nan, True, 3.0),
+        Judged("a", 0, "p", 0, 9.0, 9.0, 30.0, False, 1.0), Judged("b", 0, "p", 3, 20.0, 12.0, 20.0, True, 1.0),
+        Judged("c", 0, "p", 6, 1.0, 0.0, 10.0, False, 3.0), Judged("d", 0, "p", 0, np.nan, np.nan, np.nan, True, 3.0),
     ]  # fmt: skip
-    assert row("p", clean + troubled) == "| p | 75 | 1 of 2 | 50 | 2 of 4 | 1 of 4 | 9 | 1.0 |"
+    assert row("p", clean + troubled) == "| p | 75 | 0.71 | 3 | 1 of 2 | 50 | 8.7 | 20 | 2 of 4 | 1 of 4 | 9 | 1.0 |"
 
 
 def test_plain_least_squares_are_right_where_nothing_errs(tmp_path):

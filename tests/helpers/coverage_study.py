@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import binom
 
+from tests.helpers.interval_quality import quality
 from tests.helpers.laboratory import FULL_SCALE, Measured, Setup, measure
 from tests.helpers.laboratory_files import document, source, write
 from tests.helpers.laboratory_runs import BAND
@@ -63,8 +64,9 @@ class Answer(NamedTuple):
     number: int
     kind: int
     method: str
-    held: list[bool]
-    """Whether the interval of each component holds the truth."""
+    ends: list[list[float]]
+    """Of the interval of each component [kg·m²]."""
+    truth: list[float]
     warnings: list[str]
 
 
@@ -113,20 +115,19 @@ def answers(numbers: Sequence[int]) -> Iterator[Answer]:
             method = METHODS[number % len(METHODS)]
             path = write(Path(folder) / "run.mcap", run)
             result = identify_files([path], Experiment.from_dict(declared(run, method)))
-            low, high = result.interval95.T
-            held = (low <= run.truth) & (run.truth <= high)
-            yield Answer(number, kind, method, held.tolist(), list(result.warnings))
+            yield Answer(number, kind, method, result.interval95.tolist(), run.truth.tolist(), list(result.warnings))
 
 
 def row(words: str, some: Sequence[Answer]) -> str:
     """A line of the table."""
-    held = np.array([answer.held for answer in some])
-    counts = held.sum(axis=0)
+    ends, truth = (np.array([getattr(answer, name) for answer in some]) for name in ("ends", "truth"))
+    counts = ((ends[..., 0] <= truth) & (truth <= ends[..., 1])).sum(axis=0)
+    shown = quality(ends, truth)
     worst = int(counts.argmin())
     least = int(binom.ppf(LIMIT, len(some), 0.95))
     return (
-        f"| {words} | {len(some)} | {100 * held.mean():.1f} | {COMPONENTS[worst]} {counts[worst]} (≥ {least}) "
-        f"| {sum(bool(answer.warnings) for answer in some)} |"
+        f"| {words} | {len(some)} | {shown.held:.1f} | {COMPONENTS[worst]} {counts[worst]} (≥ {least}) "
+        f"| {shown} | {sum(bool(answer.warnings) for answer in some)} |"
     )
 
 
@@ -147,7 +148,7 @@ def main() -> None:
             file.write(json.dumps(answer._asdict()) + "\n")
             file.flush()
             stored.append(answer)
-    print("| runs | number | held, % | worst component (0.1 % limit) | warned |\n|---|---|---|---|---|")
+    print("| runs | number | held, % | worst component (0.1 % limit) | error/u | score, % | warned |\n|" + "---|" * 7)
     for method in METHODS:
         print(row(method, [answer for answer in stored if answer.method == method]))
     for number, kind in enumerate(KINDS):

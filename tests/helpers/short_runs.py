@@ -28,6 +28,7 @@ from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import unpack
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
+from tests.helpers.interval_quality import FACTOR, interval_score
 
 RUNS = 10
 RATE = 1000.0
@@ -241,15 +242,13 @@ class Answers(NamedTuple):
     def widths(self) -> str:
         """Return coverage, the half-width over 1.96 root mean square errors, and the score over the honest one's."""
         error, _, half = self.flat()
-        honest = 1.96 * np.sqrt((error**2).mean(axis=0))
+        honest = FACTOR * np.sqrt((error**2).mean(axis=0))
         held = (np.abs(error) <= half).mean()
-        score = (_score(error, half) / _score(error, np.broadcast_to(honest, half.shape))).mean()
-        return f"{100 * held:.1f} | {np.median(half / honest):.2f} | {score:.2f}"
-
-
-def _score(error: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Mean interval score of 95 %, by component."""
-    return (2 * half + 40 * np.maximum(np.abs(error) - half, 0)).mean(axis=0)
+        score, honest_score = (
+            interval_score(np.stack([error - width, error + width], axis=-1), np.zeros(6)).mean(axis=0)
+            for width in (half, honest)
+        )
+        return f"{100 * held:.1f} | {np.median(half / honest):.2f} | {(score / honest_score).mean():.2f}"
 
 
 def row(case: Case, method: str, laboratories: int) -> str:

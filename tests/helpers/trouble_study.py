@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.helpers.interval_quality import FACTOR
 from tests.helpers.laboratory import measure
 from tests.helpers.troubles import TROUBLES, size_for
 
@@ -34,7 +35,7 @@ FIRST = 500
 """Seed of the first run with a trouble, apart from those of clean runs."""
 WRONG = 2.0
 """Half-widths of the interval beyond which an answer that says nothing is silently wrong."""
-SUMMARY = {"small": ("covered", "warned", "silent"), "large": ("covered", "warned", "named")}
+SUMMARY = {"small": ("covered", "error/u", "warned", "silent"), "large": ("covered", "error/u", "warned", "named")}
 """Columns of the summary at each level."""
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
 
@@ -230,18 +231,24 @@ def groups(rows, *keys):
     return by
 
 
+def over_u(rows) -> str:
+    """Root mean square of the error over u, half the width over 1.96."""
+    off = [row["off"] for row in rows if "off" in row]
+    return f"{FACTOR * np.sqrt(np.mean(np.square(off))):.2g}" if off else "–"
+
+
 def clean_table(rows) -> str:
     """Coverage and false alarms of clean runs, by method."""
     lines = [
-        "| nothing wrong | runs | covered | worst component | with a warning | first causes |",
-        "|---|---|---|---|---|---|",
+        "| nothing wrong | runs | covered | worst component | error/u | with a warning | first causes |",
+        "|---" * 7 + "|",
     ]
     for (method, still), some in groups((row for row in rows if row["trouble"] == CLEAN), "method", "still").items():
         inside = np.array([row["covered"] for row in some if "covered" in row])
         worst = int(inside.mean(axis=0).argmin())
         lines.append(
             f"| {method}{', still' if still else ''} | {len(some)} | {inside.sum()} of {inside.size} "
-            f"| {COMPONENTS[worst]} {inside[:, worst].sum()} of {len(inside)} | {sum(map(warned, some))} "
+            f"| {COMPONENTS[worst]} {inside[:, worst].sum()} of {len(inside)} | {over_u(some)} | {sum(map(warned, some))} "
             f"| {_counted(some)} |"
         )
     return "\n".join(lines)
@@ -250,9 +257,9 @@ def clean_table(rows) -> str:
 def table(rows) -> str:
     """A line for each trouble, size and method."""
     lines = [
-        "| trouble | size (median) | method | worst error / half-width: median, largest | covered | warned | first cause "
+        "| trouble | size (median) | method | worst error / half-width: median, largest | covered | error/u | warned | first cause "
         "| named right | silently wrong | beyond the price told |",
-        "|---" * 10 + "|",
+        "|---" * 11 + "|",
     ]
     troubled = sorted(
         (row for row in rows if row["trouble"] != CLEAN),
@@ -270,7 +277,7 @@ def table(rows) -> str:
         size = f"{level}: {np.median([row['size'] for row in some]):.3g} {TROUBLES[name].unit}"
         lines.append(
             f"| {words} | {size} | {method} | {worst} | {sum(inside)} of {len(inside)} "
-            f"| {sum(map(warned, some))} of {len(some)} | {_counted(some)} "
+            f"| {over_u(some)} | {sum(map(warned, some))} of {len(some)} | {_counted(some)} "
             f"| {f'{sum(right)} of {len(right)}' if right else '–'} | {sum(map(silently_wrong, some))} "
             f"| {sum(map(beyond_its_price, some))} |"
         )
@@ -282,7 +289,7 @@ def summary(rows) -> str:
     troubled = [row for row in rows if row["trouble"] != CLEAN]
     names = [name for name in TROUBLES if any(row["trouble"] == name for row in troubled)]
     head = " | ".join(f"{level}: {' | '.join(columns)}" for level, columns in SUMMARY.items())
-    lines = [f"| trouble | size | {head} |", "|---" * 8 + "|"]
+    lines = [f"| trouble | size | {head} |", "|---" * 10 + "|"]
     for name in [*names, None]:
         some = [row for row in troubled if name in (None, row["trouble"])]
         by = {level: [row for row in some if row["level"] == level] for level in LEVELS}
@@ -315,6 +322,7 @@ def _cells(rows):
     silent = [[silently_wrong(row) for row in some] for some in by]
     return {
         "covered": _percents(covered),
+        "error/u": _of_methods(map(over_u, by)),
         "warned": _percents([[warned(row) for row in some] for some in by]),
         "named": _percents(named) if any(named) else "",
         "silent": _percents(silent) if np.any([any(some) for some in silent]) else "",
@@ -323,7 +331,11 @@ def _cells(rows):
 
 def _percents(groups):
     """The part of each group that is true, such as 98/100/–; a single figure where all are equal."""
-    figures = [f"{100 * np.mean(some):.0f}" if some else "–" for some in groups]
+    return _of_methods(f"{100 * np.mean(some):.0f}" if some else "–" for some in groups)
+
+
+def _of_methods(cells):
+    figures = list(cells)
     return figures[0] if len(set(figures)) == 1 else "/".join(figures)
 
 

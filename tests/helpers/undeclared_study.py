@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.helpers.interval_quality import interval_score, quality
 from tests.helpers.laboratory import Measured, measure
 from tests.helpers.trouble_study import METHODS
 
@@ -104,13 +105,6 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
     return by_method
 
 
-def score(interval: np.ndarray, truth: np.ndarray) -> float:
-    """Mean interval score at 95 % (Gneiting and Raftery 2007, doi:10.1198/016214506000001437, eq. 43)."""
-    low, high = interval.T
-    missed = np.maximum(low - truth, 0) + np.maximum(truth - high, 0)
-    return float(np.mean(high - low + 2 / 0.05 * missed))
-
-
 def silent(answer: Answer) -> bool:
     """Return whether some component is off by more than so many half-widths of the second interval, without a warning."""
     off = np.abs(answer.second.mean(axis=1) - answer.truth) / (np.ptp(answer.second, axis=1) / 2)
@@ -123,20 +117,22 @@ def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
     for method in METHODS:
         stated = [by_method[method] for by_method in runs if method in by_method]
         truths = np.array([answer.truth for answer in stated])
-        intervals = {
-            name: np.array([getattr(answer, name) for answer in stated]) for name in ("first", "second", "oracle")
-        }
-        held = {
-            name: 100 * np.mean((ends[..., 0] <= truths) & (truths <= ends[..., 1])) for name, ends in intervals.items()
-        }
-        scores = {
-            name: np.mean([score(i, t) for i, t in zip(ends, truths, strict=True)]) for name, ends in intervals.items()
-        }
+        intervals = [np.array([getattr(answer, name) for answer in stated]) for name in ("first", "second", "oracle")]
+        qualities = [quality(ends, truths) for ends in intervals]
+        _, second, oracle = (interval_score(ends, truths).mean() for ends in intervals)
         cells.append([
-            *(f"{held[name]:.0f}" for name in intervals), str(sum(map(silent, stated))),
-            str(sum(answer.warned for answer in stated)), f"{scores['second'] / scores['oracle']:.2f}",
+            *(f"{one.held:.0f}" for one in qualities), *(f"{one.error_over_u:.2g}" for one in qualities[:2]),
+            f"{second / oracle:.2f}", *(f"{one.score:.2g}" for one in qualities[:2]),
+            str(sum(map(silent, stated))), str(sum(answer.warned for answer in stated)),
         ])  # fmt: skip
     return " | ".join([f"| {label}", f"{size:g}", str(len(runs)), *map("/".join, zip(*cells, strict=True))]) + " |"
+
+
+HEAD = (
+    "error", "size", "runs", "first, %", "second, %", "exact size, %", "error/u, first", "error/u, second", "score",
+    "score, first, %", "score, second, %", "silent", "warned",
+)  # fmt: skip
+"""Columns: *score* is the second interval's over that of the exact size, in % it is over the largest moment."""
 
 
 def pairs(count: int) -> list[tuple[str, str]]:
@@ -159,7 +155,7 @@ def main() -> None:
         cases = [(name,) for name in ERRORS]
     else:
         cases = pairs(arguments.pairs) if arguments.pairs else [tuple(ERRORS)]
-    print("| error | size | runs | first, % | second, % | exact size, % | silent | warned | score |\n|" + "---|" * 9)
+    print(f"| {' | '.join(HEAD)} |\n|" + "---|" * len(HEAD))
     with ProcessPoolExecutor(arguments.processes) as pool:
         for size in arguments.sizes:
             every = []

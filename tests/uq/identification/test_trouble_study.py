@@ -39,14 +39,14 @@ def test_what_is_off_and_not_said_is_silently_wrong():
 
 def test_tables_count_runs_components_and_causes():
     clean = [made(seed=k, off=1.5 if k else 0.5, warnings=["w"] * (k == 2)) for k in range(4)]
-    assert "| source | 4 | 21 of 24 | I33 1 of 4 | 1 | – 4 |" in study.clean_table(clean)
+    assert "| source | 4 | 21 of 24 | I33 1 of 4 | 1.1 | 1 | – 4 |" in study.clean_table(clean)
     rows = [made("delay", off=3.0, causes=["delay"], warnings=["late"]), made("delay", off=5.0, seed=1)]
     line = study.summary([*clean, *rows]).splitlines()[-2]
-    assert line == "| delay | 1 s | – | – |  | 83/–/– | 50/–/– | 50/–/– |"
+    assert line == "| delay | 1 s | – | – | – |  | 83/–/– | 3.3/–/– | 50/–/– | 50/–/– |"
     small = [made("delay", off=5.0, level="small"), made("delay", off=0.5, level="small", seed=1)]
-    assert study.summary(small).splitlines()[-2] == "| delay | 1 s | 92/–/– | 0/–/– | 50/–/– | – | – |  |"
+    assert study.summary(small).splitlines()[-2] == "| delay | 1 s | 92/–/– | 2.8/–/– | 0/–/– | 50/–/– | – | – | – |  |"
     line = study.table([*clean, *rows]).splitlines()[-1]
-    assert line == "| delay | large: 1 s | source | 4, 5 | 10 of 12 | 1 of 2 | delay 1, – 1 | 1 of 2 | 1 | 1 |"
+    assert line == "| delay | large: 1 s | source | 4, 5 | 10 of 12 | 3.3 | 1 of 2 | delay 1, – 1 | 1 of 2 | 1 | 1 |"
 
 
 def test_cells_in_the_file_are_not_done_again(tmp_path, monkeypatch):
