@@ -26,7 +26,7 @@ LEAST_EXCESS = 2.0
 """Scatter between runs or mountings, over what is predicted, that is worth a warning."""
 RUNS_SCATTER = "the runs scatter"
 """Beginning of the sentence on runs that do."""
-BEYOND_CHANCE = 0.01
+BEYOND_CHANCE = 0.001
 """Chance of as large a scatter below which it is beyond chance, over all components (Bonferroni)."""
 
 

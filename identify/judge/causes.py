@@ -463,7 +463,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -
         first = first or power
         rivals = dict.fromkeys(
             cause.candidate.finding.label for cause in shown
-            if cause.candidate.finding is not best.candidate.finding
+            if cause.candidate.finding.label != best.candidate.finding.label
             and abs(best.evidence.logarithm - cause.evidence.logarithm) < LIKELY
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))

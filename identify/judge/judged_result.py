@@ -61,6 +61,8 @@ LISTED = 4
 
 Choice: what fits a line; ``result.json`` has all.
 """
+PLACES = ("r_cg", "cg_from_still")
+"""Unknowns that tell where the centre of gravity is."""
 ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE, Finding.ACCELEROMETER_LATE})
 
 
@@ -330,9 +332,9 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
 
 def _base(fits: Sequence[RunFit], problem: Problem) -> Base:
     """The unknowns of all runs at their best together, with what is declared beside them."""
-    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None)
-    if len({run.mounting for run in problem.runs}) > 1:  # each mounting has its own
-        shared = shared - {"r_cg"}
+    # each mounting has its own centre of gravity, and so its own distance from a point at rest
+    drawn = PLACES if len({run.mounting for run in problem.runs}) > 1 else ()
+    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None, drawn_by_mounting=drawn)
     base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU

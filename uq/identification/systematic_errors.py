@@ -132,7 +132,8 @@ def with_declared_sources(
         result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
     if result.pooling is None:
         return widened_by_sources(result, systematic)
-    together = replace(result.pooling, from_redrawn_sources=systematic.by_mounting.std(axis=0))
+    predicted = np.hypot(systematic.by_mounting.std(axis=0), _centre_by_mounting(result, experiment, redrawn))
+    together = replace(result.pooling, from_redrawn_sources=predicted)
     result = _with_predicted_scatter(result, together)
     if result.admissible is not None:
         return widened_by_sources(result, systematic)
@@ -165,11 +166,21 @@ def with_declared_sources(
     return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
 
 
+def _centre_by_mounting(result: Identification, experiment: Experiment, redrawn: Collection[str]) -> np.ndarray:
+    """Standard uncertainty by r_CG that each mounting draws, where the result holds it already, not by draws."""
+    assert result.pooling is not None  # noqa: S101
+    names = {source.name for source in experiment.sources if source.perturbs == "r_cg"}
+    if result.admissible is None or result.pooling.mountings < 2 or not names & set(redrawn):
+        return np.zeros(6)
+    return np.asarray(result.diagnostics["standard_uncertainty_from_cg"]) / np.sqrt(result.pooling.mountings)
+
+
 def _with_predicted_scatter(result: Identification, together: Pooling) -> Identification:
     """A result whose warnings of scatter know what each mounting draws, which predicts more of it."""
     warned = result.pooling.warnings if result.pooling else ()
     others = tuple(text for text in result.warnings if text not in warned)
-    return result if len(others) == len(result.warnings) else replace(result, warnings=(*others, *together.warnings))
+    warnings = others if len(others) == len(result.warnings) else (*others, *together.warnings)
+    return replace(result, warnings=warnings, pooling=together)
 
 
 def propagated(problem: SystematicProblem, *, trials: int = TRIALS) -> Systematic:

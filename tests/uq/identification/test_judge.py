@@ -77,6 +77,12 @@ def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_p
     assert (np.abs(declared.inertia - measured.truth) < np.ptp(declared.interval95, axis=1)).all()
 
 
+def test_two_shapes_of_one_cause_are_no_rivals():
+    direction = 5 * np.array([1, 0.5, 0.3, 0.03, 0.02, 0.01])
+    (text,) = identified(measure(1, warming=tuple(direction), warming_time=20.0)).warnings
+    assert "the load cell's zeros drifted as it warmed up (drift); let it warm up" in text
+
+
 @pytest.mark.parametrize(("time", "size"), [(40.0, 3.0), (180.0, 3.0), (6.0, 12.0)])
 def test_a_zero_that_warms_up_is_a_drift_whose_cures_lead_to_the_truth(tmp_path, few_draws, time, size):
     direction = size * np.array([0.6, 0.5, 0.6, 0.018, 0.015, 0.018])

@@ -111,13 +111,33 @@ def remounted():
     return [measure(k, seconds=10, drawn=0, mounted=tuple(shifts[k // 2])) for k in range(6)]
 
 
+def named_truly(runs, folder, method, names):
+    """The tensor of runs whose mountings are named, with r_CG declared as what each draws."""
+    declared = [laboratory_files.source("r_cg", "r_cg", "bias", [REMOUNTED] * 3)]
+    return identified_files(runs, folder, method, declared, {"drawn_by_mounting": ["r_cg"]}, mountings=names)
+
+
+def test_a_possible_tensor_knows_what_mountings_draw_too(tmp_path, few_draws, unjudged):
+    """A plate's tensor lies on the edge of what bodies have: half of all estimates are moved to a possible one."""
+    shifts = np.random.default_rng([77, 1]).normal(0, REMOUNTED, (3, 3))
+    plate = np.diag([0.30, 0.02, 0.32])
+    runs = [measure(k, seconds=10, drawn=0, inertia=plate, mounted=tuple(shifts[k // 2])) for k in range(6)]
+    result = named_truly(runs, tmp_path, "source", list("AABBCC"))
+    assert result.admissible is not None
+    assert result.warnings == ()
+
+
+def test_mountings_whose_centres_differ_are_no_error_of_the_rig(tmp_path, few_draws):
+    """The base turns about a point at rest, from which each mounting has another distance, too."""
+    shifts = np.random.default_rng([77, 0]).normal(0, REMOUNTED, (3, 3))
+    runs = [measure(k, seconds=10, drawn=0, mounted=tuple(shifts[k])) for k in range(3)]
+    assert named_truly(runs, tmp_path, "source", list("ABC")).consistency == ()
+
+
 @pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow), "joint"])
 def test_names_of_mountings_are_silent_if_true_and_left_out_if_wrong(tmp_path, few_draws, unjudged, remounted, method):
-    declared = [laboratory_files.source("r_cg", "r_cg", "bias", [REMOUNTED] * 3)]
-
     def named(names):
-        recording = {"drawn_by_mounting": ["r_cg"]}
-        return identified_files(remounted, tmp_path, method, declared, recording, mountings=names)
+        return named_truly(remounted, tmp_path, method, names)
 
     def holds(result):
         return (np.abs(result.inertia - remounted[0].truth) < np.ptp(result.interval95, axis=1) / 2).all()
