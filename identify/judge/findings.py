@@ -96,7 +96,8 @@ class Finding(Enum):
     MASS = "mass", "the mass were off by {}", "weigh the body", _all(-1.0, "kg")
     WEIGHT_ALONE = (
         "weight", "the weight alone, not the inertia, were off by {}",
-        "air or a cable that lifts it? methods source and gls take the force as it is", _all(-1.0, "N")
+        "air or a cable that lifts it, or the accelerometer's scale? methods source and gls take the force as it is",
+        _all(-1.0, "N")
     )  # fmt: skip
     STILL_MISSED = (
         "still missed", "the centre of gravity were off the point at rest by {}",
