@@ -31,7 +31,7 @@ from identify.judge.run_fit import (
 )
 from identify.methods.base import Problem
 from identify.results.declaration import ResidualCause
-from identify.results.identification_result import Identification
+from identify.results.identification_result import MISFIT, Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
 from identify.signals.run import Run
 
@@ -152,7 +152,7 @@ def with_misfit(result: Identification, changes: Float[np.ndarray, "6 k"]) -> Id
     middle = result.inertia[:, None]
     reach = np.hypot(result.interval95 - middle, 2 * shift[:, None])
     least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
-    budget = None if result.budget is None else {**result.budget, "model misfit": shift}
+    budget = None if result.budget is None else {**result.budget, MISFIT: shift}
     return replace(
         result, covariance=result.covariance + changes @ changes.T,
         interval95=np.maximum(middle + reach * [-1, 1], least), budget=budget, misfit=changes,

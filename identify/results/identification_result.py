@@ -26,6 +26,7 @@ from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
 
 RESIDUALS, SCATTER, CG, FIXTURE = "residuals", "scatter between runs", "r_cg", "fixture taken off"
+MISFIT = "model misfit"
 ESTIMATE = "estimate"
 """All that an estimator states by itself, where it does not tell its parts apart."""
 
@@ -243,7 +244,8 @@ class Identification(Result):
         """Each part's contribution to the standard uncertainty of the components [kg·m²]; empty if not known."""
         with_fixture = None if self.tare is None else self.tare.whole.standard_uncertainty[4:]
         fixture = None if with_fixture is None else self.standard_uncertainty**2 - with_fixture**2
-        return contributions(self.budget, self.diagnostics, fixture)
+        parts = contributions(self.budget, self.diagnostics, fixture)
+        return parts if self.misfit is None or not parts else {**parts, MISFIT: np.linalg.norm(self.misfit, axis=1)}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""

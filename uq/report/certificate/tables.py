@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.results.alignment import Aligned
-from identify.results.identification_result import Identification, evaluation_type
+from identify.results.identification_result import MISFIT, Identification, evaluation_type
 from identify.results.mass_and_centre import NAMES, UNITS, interval95
 from identify.results.undeclared import CONVENTIONAL
 from identify.results.weak_components import UNDETERMINED
@@ -47,15 +47,18 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
 
 
 def origins(result: Identification) -> list[Table]:
-    """Return u by its origin: measured, declared, and typical, which u leaves out."""
+    """Return u by its origin: measured, declared, what the runs contradict, and typical, which u leaves out."""
     if result.undeclared is None:
         return []
     parts = result.contributions
     measured = np.sqrt(sum((u**2 for name, u in parts.items() if evaluation_type(name) == "A"), np.zeros(6)))
-    declared = np.sqrt(np.maximum(result.standard_uncertainty**2 - measured**2, 0.0))
-    by_origin = map(_two_digits, (measured, declared, result.undeclared.standard_uncertainty[4:]))
-    rows = [list(row) for row in zip(COMPONENTS, *by_origin, strict=True)]
-    head = ["", "measured", "declared", "typical"]
+    misfit = parts.get(MISFIT, np.zeros(6))
+    declared = np.sqrt(np.maximum(result.standard_uncertainty**2 - measured**2 - misfit**2, 0.0))
+    columns = {"measured": measured, "declared": declared}
+    columns |= {MISFIT: misfit} if misfit.any() else {}
+    columns["typical"] = result.undeclared.standard_uncertainty[4:]
+    rows = [list(row) for row in zip(COMPONENTS, *map(_two_digits, columns.values()), strict=True)]
+    head = ["", *columns]
     return [Table("Standard uncertainty by origin, g·m²", head, rows, ORIGIN_NOTE)]
 
 
