@@ -77,11 +77,15 @@ def test_of_thrown_bodies_nothing_is_suspected(thrown, experiment):
 
 
 def test_thrown_bodies_scatter_about_as_their_residuals_predict(thrown):
-    """Never far more. Ten runs know a standard deviation to 24 %; 0.4 s behind 10 Hz predict it from few residuals."""
+    """Ten runs know a standard deviation to 24 %. What all runs lack alike is in their residuals, not in their scatter.
+
+    One slope of the spectrum for all axes gives 0.23 for a moment of body a.
+    """
     found = thrown[2].pooling
     print(1e6 * found.between_runs, 1e6 * found.predicted)
     ratio = found.between_runs / found.predicted
-    assert ((ratio > 0.1) & (ratio < 2)).all()
+    assert ((ratio > 0.25) & (ratio < 2)).all()
+    assert (ratio[MOMENTS] > 0.4).all()
 
 
 def test_throws_are_too_brief_for_weights_and_gls_is_as_least_squares(thrown, experiment):
