@@ -80,12 +80,17 @@ def differences(
     extended_by_centre = spread @ np.sum([run.extended.right_by_centre for run in runs], axis=0)
     zero = np.zeros((6, 6))
     others = (
-        (plain.inertia, plain.by_centre, [np.hstack([zero, by_right, zero]) for by_right in plain.by_right]),
-        (extended, extended_by_centre, [np.hstack([zero, zero, spread])] * len(runs)),
+        (
+            plain.inertia,
+            plain.by_centre,
+            [np.hstack([zero, by_right, zero]) for by_right in plain.by_right],
+            plain.bias,
+        ),
+        (extended, extended_by_centre, [np.hstack([zero, zero, spread])] * len(runs), np.zeros(6)),
     )
     return tuple(
-        _difference(runs, weighted, other, by_centre, by_right, centre_covariance)
-        for other, by_centre, by_right in others
+        _difference(runs, weighted, other, by_centre, by_right, centre_covariance, bias)
+        for other, by_centre, by_right, bias in others
     )
 
 
@@ -96,8 +101,9 @@ def _difference(
     other_by_centre: np.ndarray,
     other_by_right: Sequence[np.ndarray],
     centre_covariance: np.ndarray,
+    other_bias: np.ndarray,
 ) -> EstimateDifference:
-    """One difference, from the other estimate and its derivatives by r_CG and by each run's three right sides."""
+    """One difference, from the other estimate, its derivatives by r_CG and by each run's right sides, its known bias."""
     by_centre = other_by_centre - weighted.by_centre
     by_right = [
         np.hstack([-by_first, by_three[:, 6:]])
@@ -110,7 +116,9 @@ def _difference(
 
     value = other - weighted.inertia
     by_errors = np.sum([j @ run.by_errors for j, run in zip(by_right, runs, strict=True)], axis=0)
-    no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + np.outer(weighted.bias, weighted.bias)
+    # what the gyro's noise does to either is stated with it, and says nothing of the weights
+    known = [np.outer(bias, bias) for bias in (weighted.bias, other_bias)]
+    no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + known[0] + known[1]
     expected = covariance(by_right, by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     factor = scipy.special.stdtrit(freedom, PROBABILITY)

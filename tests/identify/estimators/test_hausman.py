@@ -82,6 +82,16 @@ def test_a_pool_is_linear_in_its_runs_equations_and_so_are_differences():
         assert (np.linalg.eigvalsh(difference.covariance) > 0).all()
 
 
+def test_a_bias_that_ordinary_least_squares_state_says_nothing_of_the_weights():
+    """Twenty standard uncertainties of I33 off, and stated so: the gyro's noise does that to least squares alone."""
+    fits, (weighted, plain), _ = compared([measure(1, seconds=10.0)])
+    bias = np.array([0, 0, 0, 0, 0, 20 * np.sqrt(plain.covariance[5, 5])])
+    off = plain._replace(inertia=plain.inertia + bias)
+    centre = np.diag(np.square(SIGMA["r_cg"]))
+    assert differences(fits, weighted, off, centre)[0].chance < CHANCE
+    assert differences(fits, weighted, off._replace(bias=bias), centre)[0].chance > CHANCE
+
+
 ERRORS = {
     "cell_gain": ("cell_matrix", np.diag([0, 0, 0, 0, 0.01, 0]).ravel(), (0, 0, 0, 0, 0.01, 0)),
     "cell_turn": ("cell_matrix", -np.kron(np.eye(2), np.cross(np.eye(3), [0, 0.01, 0]).T).ravel(), (0, 0.01, 0)),
