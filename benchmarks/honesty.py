@@ -37,7 +37,7 @@ from uq.identification.identify_files import identify_files
 from uq.recorded.load_run import load_run
 
 CLEAN = "nothing wrong"
-UNDECLARED = ", with undeclared errors"
+UNDECLARED = ", conventional bound"
 WRONG = 2.0
 """Half-widths of its interval by which a component is off where an answer counts as wrong."""
 SYSID_RATE = 100.0

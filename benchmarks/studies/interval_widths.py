@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.studies.interval_widths [FOLDER]``: each experiment of ``inertia examples`` that can be
 simulated, one run of it, without the line ``undeclared = "none"``, by each method, and ``throws.toml`` with the
-recordings of a folder (:mod:`benchmarks.studies.throws`). The second interval rests on typical figures, so that one run
+recordings of a folder (:mod:`benchmarks.studies.throws`). The conventional bound rests on typical figures, so that one run
 tells its width.
 """
 
@@ -27,7 +27,7 @@ from uq.identification.static_centre import centre_file
 EXAMPLES = ("t1-10s", "designed", "many-errors", "laboratory", "robot")
 METHODS = ("source", "gls", "joint")
 ENOUGH = 0.1
-"""Part by which the second interval may exceed the first for both to count as one."""
+"""Part by which the bound may exceed the interval for both to count as one."""
 
 
 def rows(name: str) -> Iterator[str]:
@@ -72,15 +72,15 @@ def row_of_poses() -> str:
 def row(
     label: str, names: Sequence[str], unit: float, half: np.ndarray, first: int, undeclared: Undeclared | None
 ) -> str:
-    """Return the line of one result, of the parameters whose second interval is widest for its first, and widest.
+    """Return the line of one result, of the parameters whose bound is widest for its interval, and widest.
 
     Args:
         label: the experiment and method.
         names: of the parameters that are looked at, with their unit.
         unit: how many of it are one in SI.
-        half: half the first interval of all ten parameters, SI.
+        half: half the 95 % interval of all ten parameters, SI.
         first: number of the first of these parameters.
-        undeclared: the errors that the second interval adds.
+        undeclared: the errors that the bound adds.
     """
     added = undeclared or Undeclared()
     looked_at = slice(first, first + len(names))
@@ -93,7 +93,7 @@ def row(
 
 
 def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
-    """Return the errors to declare, the largest first, until the second interval is at most a tenth wider."""
+    """Return the errors to declare, the largest first, until the bound is at most a tenth wider."""
     effects, names = list(undeclared.effects), list[str]()
     while effects:
         ratio = Undeclared(tuple(effects)).half_width(half)[looked_at] / half[looked_at]

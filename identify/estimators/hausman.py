@@ -89,7 +89,7 @@ def differences(
         (extended, extended_by_centre, [np.hstack([zero, zero, spread])] * len(runs), np.zeros(6)),
     )
     return tuple(
-        _difference(runs, weighted, other, by_centre, by_right, centre_covariance, bias)
+        _difference(runs, weighted, other, by_centre, by_right, centre_covariance=centre_covariance, other_bias=bias)
         for other, by_centre, by_right, bias in others
     )
 
@@ -100,10 +100,11 @@ def _difference(
     other: np.ndarray,
     other_by_centre: np.ndarray,
     other_by_right: Sequence[np.ndarray],
+    *,
     centre_covariance: np.ndarray,
     other_bias: np.ndarray,
 ) -> EstimateDifference:
-    """One difference, from the other estimate, its derivatives by r_CG and by each run's right sides, its known bias."""
+    """One difference, from the other estimate, its derivatives by r_CG and by right sides, and its known bias."""
     by_centre = other_by_centre - weighted.by_centre
     by_right = [
         np.hstack([-by_first, by_three[:, 6:]])

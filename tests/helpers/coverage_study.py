@@ -1,4 +1,4 @@
-"""The study of the first interval where every error is declared: how often it holds the truth, and how often a sound run is warned.
+"""The study of 95 % intervals where every error is declared: how often it holds the truth, and how often a sound run is warned.
 
 Four kinds of body and motion of tests/helpers/laboratory.py, 10 to 60 s at 50 to 1,000 Hz. Each run draws, from what its experiment declares,
 offsets, r_CG, mass, gains, cross-talk, axes of load cell and gyro, gyro scale and delay; the experiment says ``undeclared = "none"``.

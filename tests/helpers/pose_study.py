@@ -73,7 +73,7 @@ def gained(rng: np.random.Generator, sizes: dict[str, float], wrench: np.ndarray
 
 
 def undeclared_row(name: str, sizes: dict[str, float], told: dict[str, float], repeats: int) -> list[str]:
-    """What first and second interval hold, and half of the mass's second one over half the first."""
+    """What interval and bound hold, and half of the mass's bound over half its interval."""
     from uq.identification.undeclared import centre_with_undeclared
 
     rng, inside, ratio = np.random.default_rng(38), [], []
@@ -116,7 +116,7 @@ def main() -> None:
     print()
     cases = {"gains common to the axes": UNDECLARED, "all of [undeclared]": ALL}
     table(
-        ["undeclared", "sets", "first, %", "second, %", "second over first, mass"],
+        ["undeclared", "sets", "interval, %", "bound, %", "bound over interval, mass"],
         (undeclared_row(name, sizes, sizes, repeats) for name, sizes in cases.items()),
     )
 

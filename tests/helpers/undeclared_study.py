@@ -2,7 +2,7 @@
 
 A run is one of tests/helpers/laboratory.py with gains (common and by axis), cross-talk, axes of load cell and gyro, gyro scale, delay, mass,
 accelerometer scale and the mounting's frequency off: all of them, each alone, or two at random. It is identified from its file as
-``inertia identify`` does. The oracle knows the size of all, which is the best that a second interval can do that does not know which
+``inertia identify`` does. The oracle knows the size of all, which is the best that a bound can do that does not know which
 errors there are.
 
     python -m tests.helpers.undeclared_study --runs 20 --sizes 0.3 1 3
@@ -29,7 +29,7 @@ from tests.helpers.trouble_study import METHODS
 FIRST = 900
 """Seed of the first run, apart from those of other studies."""
 SILENT = 2.0
-"""Half-widths of the second interval beyond which an answer that says nothing is silently wrong."""
+"""Half-widths of the bound beyond which an answer that says nothing is silently wrong."""
 
 
 class Answer(NamedTuple):
@@ -106,7 +106,7 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
 
 
 def silent(answer: Answer) -> bool:
-    """Return whether some component is off by more than so many half-widths of the second interval, without a warning."""
+    """Return whether some component is off by more than so many half-widths of the bound, without a warning."""
     off = np.abs(answer.second.mean(axis=1) - answer.truth) / (np.ptp(answer.second, axis=1) / 2)
     return bool((off > SILENT).any()) and not answer.warned
 
@@ -129,10 +129,10 @@ def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
 
 
 HEAD = (
-    "error", "size", "runs", "first, %", "second, %", "exact size, %", "error/u, first", "error/u, second", "score",
-    "score, first, %", "score, second, %", "silent", "warned",
+    "error", "size", "runs", "interval, %", "bound, %", "exact size, %", "error/u, interval", "error/u, bound", "score",
+    "score, interval, %", "score, bound, %", "silent", "warned",
 )  # fmt: skip
-"""Columns: *score* is the second interval's over that of the exact size, in % it is over the largest moment."""
+"""Columns: *score* is the bound's over that of the exact size, in % it is over the largest moment."""
 
 
 def pairs(count: int) -> list[tuple[str, str]]:
