@@ -2,8 +2,8 @@
 
 ``python -m benchmarks.studies.interval_widths [FOLDER]``: each experiment of ``inertia examples`` that can be
 simulated, one run of it, without the line ``undeclared = "none"``, by each method, and ``throws.toml`` with the
-recordings of a folder (:mod:`benchmarks.studies.throws`). The conventional bound rests on typical figures, so that one run
-tells its width.
+recordings of a folder (:mod:`benchmarks.studies.throws`). The conventional bound rests on typical figures, so
+that one run tells its width.
 """
 
 import sys
