@@ -315,7 +315,7 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     by_way = [{fit.prediction.force_from: fit for fit in reversed(fits[number])} for number in numbers]
     common = [way for way in by_way[0] if all(way in ways for ways in by_way)]
     together = [[ways[way] for ways in by_way] for way in reversed(common)] or [[fits[number][0] for number in numbers]]
-    ways = [JudgedWay(way, _base(way, problem)) for way in together]
+    ways = [JudgedWay(way, _base(way, result, problem)) for way in together]
     excluded = _excluded(problem, result, runs)
     judgements = [followed(way.fits, excluded, way.base) for way in ways]
     return JudgedRuns(
@@ -330,11 +330,13 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     )  # fmt: skip
 
 
-def _base(fits: Sequence[RunFit], problem: Problem) -> Base:
+def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> Base:
     """The unknowns of all runs at their best together, with what is declared beside them."""
     # each mounting has its own centre of gravity, and so its own distance from a point at rest
     drawn = PLACES if len({run.mounting for run in problem.runs}) > 1 else ()
-    shared = shared_unknowns(problem.errors, calibrated=problem.centre is not None, drawn_by_mounting=drawn)
+    # the joint estimate alone takes the load cell's zero from static poses; others fit one in each run
+    calibrated = problem.centre is not None and result.method == "joint"
+    shared = shared_unknowns(problem.errors, calibrated=calibrated, drawn_by_mounting=drawn)
     base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU

@@ -88,6 +88,15 @@ def test_the_centres_covariance_goes_into_the_tensor_in_full(short, files, plain
     assert not any("body." in text for text in plain.warnings)
 
 
+@pytest.mark.parametrize("method", ["source", "gls"])
+def test_a_zero_that_each_run_has_for_itself_is_no_drift(short, method):
+    """Sound runs beside static poses: these methods fit a zero in each run, whatever the poses say of it."""
+    experiment, estimator = experiment_of(short, WHOLE), short.estimator("smoothed")
+    runs = [simulate(experiment, "T1", trial=trial).run for trial in range(3)]
+    result = identify(runs, centre=centre_of(WHOLE), estimator=estimator, method=method)
+    assert [cause.text for cause in result.consistency] == []
+
+
 def test_what_lasts_from_one_series_of_poses_to_the_next_moves_the_whole_result(short):
     """A result of a shifted centre against the stated effect on all ten parameters; the tensor is linear in r."""
     run, estimator = simulate(experiment_of(short, WHOLE), "T1").run, short.estimator("smoothed")
