@@ -272,6 +272,11 @@ IMPOSSIBLE = 1e-5
 
 Prior: some 300 typical sizes: gains that are off by the whole, a gyro turned by a radian.
 """
+FREE = 100.0
+"""Size over that of the prior that a named cause may have where what it leaves unexplained is looked at.
+
+Choice: its prior then holds nothing of it back, which would count as unexplained.
+"""
 MOST = 3
 """Causes that are named of one run.
 
@@ -431,6 +436,13 @@ def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
     return sorted(causes, key=lambda cause: -cause.evidence.logarithm)
 
 
+def _as_probable(cause: FollowedCause, best: FollowedCause) -> bool:
+    """Whether a cause is a rival of the best: as likely, or worse by its prior alone."""
+    rival, first = cause.evidence, best.evidence
+    by_prior_alone = len(rival.size) <= len(first.size) and rival.share >= first.share
+    return by_prior_alone or abs(first.logarithm - rival.logarithm) < LIKELY
+
+
 def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -> Judgement:
     """Return the causes that the residuals of all runs follow, and how much more than noise they leave in each.
 
@@ -439,7 +451,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -
         excluded: causes that cannot be, or that are no news.
         base: the fitted unknowns of all runs, and what else is declared.
     """
-    open_to, started = candidates(fits, excluded), base
+    open_to, started, free = candidates(fits, excluded), base, base
     named: list[FollowedCause] = []
     implausible, first = None, 0.0
     while len(named) < MOST + len(fits) - 1:
@@ -463,14 +475,14 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -
         first = first or power
         rivals = dict.fromkeys(
             cause.candidate.finding.label for cause in shown
-            if cause.candidate.finding.label != best.candidate.finding.label
-            and abs(best.evidence.logarithm - cause.evidence.logarithm) < LIKELY
+            if cause.candidate.finding.label != best.candidate.finding.label and _as_probable(cause, best)
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))
         base = base.absorbing(best.evidence.lines, best.evidence.scale)
+        free = free.absorbing(best.evidence.lines, FREE * best.evidence.scale)
         taken = best.candidate.finding, best.candidate.run
         open_to = [cause for cause in open_to if (cause.finding, cause.run) != taken]
-    rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, base.residuals, strict=True)]
+    rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, free.residuals, strict=True)]
     squares = [[float((rows**2).sum()) for rows in fitted.residuals] for fitted in (base, started)]
     return Judgement(
         named, implausible, explained=[1 - after / max(before, 1e-300) for after, before in zip(*squares, strict=True)],
