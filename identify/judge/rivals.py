@@ -76,7 +76,8 @@ def _beside(kg: float, run: PredictedWrench) -> Rival:
     force = kg * (run.specific_force - run.signals.levers @ run.x["r_cg"])
     return Rival(
         f"{significant(kg, 2)} kg at Q beside the body, such as an adapter",
-        "state it in [fixture], and add it to body.mass and r_cg_from_q", np.hstack([force, np.zeros_like(force)]),
+        "state it with its place in [fixture], and add it to body.mass and r_cg_from_q",
+        np.hstack([force, np.zeros_like(force)]),
     )  # fmt: skip
 
 

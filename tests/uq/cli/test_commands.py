@@ -72,8 +72,9 @@ def broken_run(path, what):
     elif what == "no overlap":
         late = imu.stamp + 60 * 10**9
         wrench, imu = channels(imu_stamp=late, imu_log_time=late)
-    elif what == "still":
-        omega = imu.angular_velocity * [0.0, 0, 0]
+    elif what in ("dead gyro", "still"):
+        noise = np.random.default_rng(1).normal(0, 1e-3, (N, 3))
+        omega = noise if what == "still" else 0 * noise
         wrench, imu = channels(imu_angular_velocity=omega)
     elif what == "one sample":
         first = {f.name: getattr(imu, f.name) for f in dataclasses.fields(imu)}
@@ -94,8 +95,9 @@ def broken_run(path, what):
     ("what", "words"),
     [
         ("no overlap", "no overlap in run.mcap: the stamps of /wrench run from 1.000 s to"),
+        ("still", "does not identify I11, I12, I13, I22, I23, I33: rotate about more axes"),
         (
-            "still",
+            "dead gyro",  # reads exactly zero; or a run at rest that is simulated, which has no noise
             "is zero, or no number, in most samples: check the motion sensor and its driver, or record a body that",
         ),
         ("one sample", "fewer than two samples of the angular velocity in run.mcap"),

@@ -98,7 +98,10 @@ def test_errors_of_declared_size_are_as_large_as_the_uncertainty_says(tmp_path, 
 
 
 def test_the_centre_of_gravity_widens_gls_by_its_own_derivative(tmp_path):
-    """Weights that hold the error of r_CG make the tensor almost blind to it: 0.15 g·m², not the 0.65 of least squares."""
+    """Weights that hold the error of r_CG make the tensor almost blind to it: 0.15 g·m², not the 0.65 of least squares.
+
+    How blind depends on the noise that each run's residuals show: 0.12 to 0.29 of least squares in six runs of 15 s.
+    """
     measured = measure(1, **SHORT)
     ours, plain = identified_files(measured, tmp_path, "gls"), identified(measured, "source")
     known, of_plain = (np.array(result.diagnostics["standard_uncertainty_from_cg"]) for result in (ours, plain))
