@@ -1,6 +1,7 @@
 """Gyro channels that hold the rates of Euler angles in place of the body's angular velocity.
 
-Of angles about turned axes, the channel of each axis holds the rate of its angle. The body's angular velocity is
+Of angles about turned axes, the channel of each axis holds the rate of its angle, or the channels hold the rates in the
+order in which the axes are turned, such as yaw, pitch and roll. The body's angular velocity is
 another vector unless the angles are small. Where an attitude is recorded, its angles tell; otherwise the rates are
 integrated, the vertical by the accelerometer, and force and moment tell.
 """
@@ -20,6 +21,8 @@ Rotations = Float[np.ndarray, "n 3 3"]
 
 ORDERS = tuple("".join(order) for order in permutations("XYZ"))[::-1]
 """Orders of the turned axes, that of yaw, pitch and roll first."""
+LAYOUTS = tuple((order, "XYZ") for order in ORDERS) + tuple((order, order) for order in ORDERS if order != "XYZ")
+"""Orders of the turned axes, and the axes whose angles' rates the channels x, y, z hold."""
 USUAL = "ZYX"
 FORMULA = (
     ", or replace roll', pitch', yaw' by wx = roll' - yaw' sin(pitch), wy = pitch' cos(roll) + yaw' cos(pitch) "
@@ -67,15 +70,16 @@ def euler_rates_finding(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> lis
     if sums is None or well_explained(sums, EXPLAINED):
         return []
     best = None
-    for order in ORDERS:
-        made = convention_sums(wrench, imu._replace(angular_velocity=angular_velocity(imu, order)))
+    for order, channels in LAYOUTS:
+        by_axis = imu._replace(angular_velocity=_by_axis(imu.angular_velocity, channels))
+        made = convention_sums(wrench, imu._replace(angular_velocity=angular_velocity(by_axis, order)))
         if made is None or not well_explained(made):
             continue
         given = scales(made, weight=False, candidates=(AS_IT_IS,))
         gain = float(chi_square(sums, given) - chi_square(made, given))
         if gain > max(DECISIVE, best[0] if best else 0.0):
-            best = gain, order
-    return [] if best is None else [_finding(best[1], topic)]
+            best = gain, order, channels
+    return [] if best is None else [_finding(best[1], best[2], topic)]
 
 
 def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic: str) -> list[Contradiction]:
@@ -89,14 +93,21 @@ def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic
     between = np.diff(imu.time)[:, None]
     middle = 0.5 * (imu.angular_velocity[1:] + imu.angular_velocity[:-1])
     as_read = _correlation(_turns(to_rest) / between, middle)
-    fits = {order: _correlation(np.diff(_angles(to_rest, order), axis=0) / between, middle) for order in ORDERS}
-    order = max(ORDERS, key=fits.__getitem__)
-    is_rates = fits[order] > max(ANGLES_FIT, as_read + BETTER)
-    return [_finding(order, topic)] if is_rates else []
+    rates = {order: np.diff(_angles(to_rest, order), axis=0) / between for order in ORDERS}
+    fits = {layout: _correlation(rates[layout[0]], _by_axis(middle, layout[1])) for layout in LAYOUTS}
+    layout = max(LAYOUTS, key=fits.__getitem__)
+    is_rates = fits[layout] > max(ANGLES_FIT, as_read + BETTER)
+    return [_finding(*layout, topic)] if is_rates else []
 
 
-def _finding(order: str, topic: str) -> Contradiction:
-    return Finding.EULER_RATES.on(topic, order=order, formula=FORMULA * (order == USUAL))
+def _finding(order: str, channels: str, topic: str) -> Contradiction:
+    held = "" if channels == "XYZ" else f", x, y, z in the order {channels}"
+    return Finding.EULER_RATES.on(topic, order=order + held, formula=FORMULA * (order == USUAL))
+
+
+def _by_axis(channels: Float[np.ndarray, "n 3"], axes: str) -> Float[np.ndarray, "n 3"]:
+    """Return channels that belong to these axes, each in the column of its axis."""
+    return channels[:, [axes.index(axis) for axis in "XYZ"]]
 
 
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:

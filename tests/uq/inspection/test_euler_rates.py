@@ -99,12 +99,22 @@ def test_other_angles_are_told_by_their_order(tmp_path, order):
     assert "roll'" not in finding.text
 
 
+def test_rates_in_the_order_of_turning_are_told(tmp_path):
+    """Yaw, pitch and roll in the channels x, y and z, as some functions return them."""
+    rates = with_rates(measure(4, seconds=SECONDS))
+    swapped = replace(rates, omega=rates.omega[:, ::-1])
+    (finding,) = judged(write(tmp_path / "run.mcap", swapped), document(swapped))
+    assert "turned axes ZYX, x, y, z in the order ZYX" in finding.text
+    assert "wx = roll' - yaw' sin(pitch)" in finding.text
+
+
 def test_rates_beside_an_attitude_are_told_by_it(tmp_path):
     run = posed_runs.measured(2)
     turned = run.attitude.as_euler("ZYX")[:, ::-1]
     rates = replace(run, omega=np.gradient(np.unwrap(turned, axis=0), run.t, axis=0) + 1e-3)
-    for recorded, kinds in ((rates, ["euler rates"]), (run, [])):
-        path = posed_runs.write(tmp_path / f"{len(kinds)}", recorded, "quaternion", "mcap")
+    swapped = replace(rates, omega=rates.omega[:, ::-1])
+    for number, (recorded, kinds) in enumerate([(rates, ["euler rates"]), (swapped, ["euler rates"]), (run, [])]):
+        path = posed_runs.write(tmp_path / f"{number}", recorded, "quaternion", "mcap")
         experiment = posed_runs.experiment(tmp_path, "quaternion", body_declared=True)
         loaded = load(path, experiment.recording, band=posed_runs.BAND, marks=False).run
         assert [finding.kind for finding in experiment_findings(loaded, experiment)] == kinds
