@@ -195,8 +195,9 @@ def table(certificate, start):
 
 def test_the_certificate_has_the_mass_with_its_interval_and_the_type_of_each_row(weighed_with_gain):
     certificate = Certificate(weighed_with_gain[0])
-    value, _, u, *_ = table(certificate, "Mass")["mass, kg"]
-    value, u = float(value), float(u)
+    (of_mass,) = (table for table in certificate.tables() if table.caption.startswith("Mass"))
+    row = dict(zip(of_mass.head[1:], table(certificate, "Mass")["mass, kg"], strict=True))
+    value, u = float(row["value"]), float(row["u"])
     assert abs(value - BODY.mass - FIXTURE.mass) < 2 * u
     assert u > 0.005
     types = {name: row[0] for name, row in table(certificate, "Budget").items()}

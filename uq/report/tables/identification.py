@@ -97,7 +97,7 @@ def trust(result: Identification) -> str:
 
 
 def _vouched(result: Identification) -> str:
-    """Which of the intervals to use: coverage intervals, unless errors that nobody declared make much of u."""
+    """Say which of the two to use: the intervals, or the bounds where errors that nobody declared make much of u."""
     if result.undeclared is None:
         return f"{HOLD}; what undeclared errors add is not known."
     share, _ = result.undeclared.share(result.parameters.standard_uncertainty)
