@@ -19,6 +19,9 @@ from identify.sums.row_products import inverse, products
 SEEN = 1e-12
 """Part of the information on the best known direction below which one is not seen."""
 
+ROUNDING = 1e-12
+"""Size of a column over the largest one's below which it is rounding: its direction changes at each step."""
+
 
 @dataclass(frozen=True, eq=False)
 class NoiseSpectrum:
@@ -43,7 +46,7 @@ class NoiseSpectrum:
         """
         normal, inside = products(columns, columns), columns[: len(self.spectrum.shape)]
         squares = np.diag(normal)
-        scale = 1 / np.sqrt(np.where(squares > 0, squares, 1.0))
+        scale = 1 / np.sqrt(np.where(squares > ROUNDING**2 * squares.max(), squares, 1.0))
         values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
         seen = values > SEEN * values[-1]
         root, vectors = np.sqrt(values[seen]), vectors[:, seen]
