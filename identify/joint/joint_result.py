@@ -17,11 +17,12 @@ from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
-from identify.results.identification_result import Identification
+from identify.results.identification_result import Identification, intervals_of
 from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
 from identify.results.weak_components import contradicts_bodies
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.regressor import cross_matrix
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
@@ -71,19 +72,20 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
         warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor, len({fitted_run.run.mounting for fitted_run in joint_runs}))
+    of_ten = covariance[np.ix_(indices(TEN), indices(TEN))]
+    if not weighed:
+        of_ten[0] = of_ten[:, 0] = 0.0
+        of_ten[0, 0] = np.nan
+    parameters = InertialParameters(float(value[mass]) if weighed else np.nan, value[cg], inertia, of_ten)
     return Identification(
-        inertia=inertia, bias=bias, covariance=covariance[tensor, tensor],
-        interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=value[cg],
-        sigma_r_cg=np.sqrt(np.diag(covariance)[cg]), mass=float(value[mass]) if weighed else None,
+        parameters=parameters, bias=bias,
+        intervals95=intervals_of(parameters, np.stack([inertia - half, inertia + half], axis=1), factor),
         estimator=EstimatorSpec(f"joint, band {setting.band:.3g} Hz", "savitzky-golay", setting.band),
         runs=tuple(map(_run_estimate, joint_runs, pooled.theta)), warnings=tuple(warnings),
         assumptions=_assumptions(setting.specific_force, len(joint_runs)),
         diagnostics=_diagnostics(joint_runs, pooled, factor),
-        mass_uncertainty=float(np.sqrt(covariance[mass, mass])) if weighed else None,
-        cg_inertia_covariance=covariance[cg, tensor], cg_covariance=covariance[cg, cg], method="joint", delay=delay,
-        rotation=rotation, offsets=offsets,
-        mass_covariance=np.concatenate([covariance[mass, cg], covariance[mass, tensor]]) if weighed else None,
-        budget=_budget(pooled, setting, prior.covariance, effects), centre_factor=factor, centre_from=ESTIMATED,
+        method="joint", delay=delay, rotation=rotation, offsets=offsets,
+        budget=_budget(pooled, setting, prior.covariance, effects), centre_from=ESTIMATED,
         lasting=_lasting(pooled, setting, effects), declarations=declarations,
     )  # fmt: skip
 

@@ -121,7 +121,9 @@ def _estimate(problem: Problem, method: str, without: Run, halves: bool) -> Iden
         others = "the other half does" if halves else "the other runs do"
         cure = "record for longer, or give several runs" if halves else "add runs that do"
         raise RunError(f"{without.name}: {others} not determine the tensor, so that nothing predicts it: {cure}")
-    return result if result.admissible is None else replace(result, inertia=result.admissible.plain)
+    if result.admissible is None:
+        return result
+    return replace(result, parameters=replace(result.parameters, inertia=result.admissible.plain))
 
 
 class ResidualNoise(NamedTuple):

@@ -9,10 +9,11 @@ from identify.estimators.pooling import Pooled, pool
 from identify.estimators.run_information import Information, information
 from identify.floating_point import check_precision
 from identify.methods.base import Method, Problem
-from identify.results.identification_result import Identification
+from identify.results.identification_result import Identification, intervals_of
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies
 from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.static.centre_covariance import with_centre
@@ -56,19 +57,30 @@ def result_of(
         warnings: what the estimator has to say.
     """
     warned = check_precision("float64")
-    sigma, inertia, half, seen = problem.sigma_r_cg, pooled.inertia, pooled.half_width, pooled.excitation.identifiable
+    inertia, half, seen = pooled.inertia, pooled.half_width, pooled.excitation.identifiable
+    parameters = _parameters(problem, pooled)
     result = Identification(
-        inertia=inertia, bias=pooled.bias, covariance=pooled.covariance,
-        interval95=np.stack([inertia - half, inertia + half], axis=1), r_cg=problem.r_cg, sigma_r_cg=sigma,
-        mass=problem.mass, estimator=spec,
+        parameters=parameters, bias=pooled.bias, estimator=spec,
+        intervals95=intervals_of(parameters, np.stack([inertia - half, inertia + half], axis=1)),
         runs=tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
         warnings=(*warned, *warnings, *_warnings(informations, pooled, spec)),
         assumptions=_assumptions(problem.offsets),
         diagnostics=_diagnostics(problem, spec, pooled), offsets=problem.offsets,
-        cg_inertia_covariance=(pooled.by_centre * sigma**2).T, method=method, pooling=pooled.together,
+        method=method, pooling=pooled.together,
         seen=None if seen.all() else pooled.seen,
     )  # fmt: skip
     return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
+
+
+def _parameters(problem: Problem, pooled: Pooled) -> InertialParameters:
+    """Mass and centre of gravity as they are stated, and the tensor, which is correlated with the centre by itself."""
+    covariance, variance = np.zeros((10, 10)), problem.sigma_r_cg**2
+    covariance[0, 0] = np.nan if problem.mass is None else (problem.mass_uncertainty or 0.0) ** 2
+    covariance[1:4, 1:4], covariance[4:, 4:] = np.diag(variance), pooled.covariance
+    covariance[4:, 1:4] = pooled.by_centre * variance
+    covariance[1:4, 4:] = covariance[4:, 1:4].T
+    mass = np.nan if problem.mass is None else float(problem.mass)
+    return InertialParameters(mass, problem.r_cg, pooled.inertia, covariance)
 
 
 def estimator_for(problem: Problem) -> EstimatorSpec:

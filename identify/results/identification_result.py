@@ -71,21 +71,14 @@ class Identification(Result):
 
     kind = "inertia identify"
     unit_of_columns = "kg·m²"
-    inertia: np.ndarray
-    """Packed tensor of the body [kg·m²]: the runs' least squares, each run weighted by the inverse of its residual
-    variance."""
+    parameters: InertialParameters
+    """Mass, centre of gravity from Q and tensor about it, in B, with their covariance: the runs' least squares, each
+    run weighted by the inverse of its residual variance. The mass is NaN where it is not stated, and counts as exact
+    where its standard uncertainty is zero."""
+    intervals95: Float[np.ndarray, "10 2"]
+    """Coverage intervals of 95 % of the ten parameters, by measured and declared errors [kg, m, kg·m²]."""
     bias: np.ndarray
     """Expected mean error from white gyro noise and the differentiator's gain; not subtracted [kg·m²]."""
-    covariance: np.ndarray
-    """Covariance of ``inertia``, (6, 6): residuals, scatter between runs, centre of gravity [(kg·m²)²]."""
-    interval95: np.ndarray
-    """Coverage interval of 95 % about ``inertia`` by measured and declared errors, (6, 2) [kg·m²]."""
-    r_cg: np.ndarray
-    """Centre of gravity from Q that was used, in B [m]."""
-    sigma_r_cg: np.ndarray
-    """Standard uncertainty of ``r_cg`` [m]."""
-    mass: float | None
-    """Mass [kg], when stated."""
     estimator: EstimatorSpec
     runs: tuple[RunEstimate, ...]
     warnings: tuple[str, ...]
@@ -105,16 +98,6 @@ class Identification(Result):
     misfit: np.ndarray | None = None
     """Changes of the tensor by what the runs contradict, (6, k), which count as standard uncertainties [kg·m²]; None:
     none."""
-    mass_uncertainty: float | None = None
-    """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
-    cg_inertia_covariance: np.ndarray | None = None
-    """Covariance between ``r_cg`` and ``inertia``, (3, 6) [m·kg·m²]; None: zero."""
-    cg_covariance: np.ndarray | None = None
-    """Covariance of ``r_cg``, (3, 3) [m²]; None: diagonal, from ``sigma_r_cg``."""
-    mass_covariance: np.ndarray | None = None
-    """Covariance between the mass and the nine of ``r_cg`` and ``inertia``, (9,) [kg·m, kg²·m²]; None: zero."""
-    centre_factor: np.ndarray | float = NORMAL
-    """Coverage factor of 95 % of mass and centre of gravity: one, or (4,)."""
     centre_from: str = mass_and_centre.DECLARED
     """Origin of mass and centre of gravity: declared, static poses, or estimated with the tensor."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -146,18 +129,40 @@ class Identification(Result):
     """Prediction of each run, or half of one, from the others; None: it was not asked for."""
 
     @property
-    def parameters(self) -> InertialParameters:
-        """The ten parameters with their covariance, about the centre of gravity, from Q, in B."""
-        covariance = np.zeros((10, 10))
-        covariance[0, 0] = np.nan if self.mass is None else (self.mass_uncertainty or 0.0) ** 2
-        covariance[1:4, 1:4] = np.diag(self.sigma_r_cg**2) if self.cg_covariance is None else self.cg_covariance
-        covariance[4:, 4:] = self.covariance
-        if self.cg_inertia_covariance is not None:
-            covariance[1:4, 4:] = self.cg_inertia_covariance
-            covariance[4:, 1:4] = self.cg_inertia_covariance.T
-        if self.mass_covariance is not None:
-            covariance[0, 1:] = covariance[1:, 0] = self.mass_covariance
-        return InertialParameters(np.nan if self.mass is None else self.mass, self.r_cg, self.inertia, covariance)
+    def inertia(self) -> np.ndarray:
+        """Packed tensor of the body [kg·m²]."""
+        return self.parameters.inertia
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of ``inertia``, (6, 6): residuals, scatter between runs, declared errors [(kg·m²)²]."""
+        return self.parameters.covariance[4:, 4:]
+
+    @property
+    def interval95(self) -> np.ndarray:
+        """Coverage interval of 95 % about ``inertia`` by measured and declared errors, (6, 2) [kg·m²]."""
+        return self.intervals95[4:]
+
+    @property
+    def r_cg(self) -> np.ndarray:
+        """Centre of gravity from Q that was used, in B [m]."""
+        return self.parameters.r_cg
+
+    @property
+    def sigma_r_cg(self) -> np.ndarray:
+        """Standard uncertainty of ``r_cg`` [m]."""
+        return self.parameters.standard_uncertainty[1:4]
+
+    @property
+    def mass(self) -> float | None:
+        """Mass [kg], when stated."""
+        return None if np.isnan(self.parameters.mass) else self.parameters.mass
+
+    @property
+    def mass_uncertainty(self) -> float | None:
+        """Standard uncertainty of the mass [kg]; None: not stated, and then it counts as exact."""
+        u = float(self.parameters.standard_uncertainty[0])
+        return u if u > 0 else None
 
     @property
     def contradicted(self) -> str:
@@ -187,20 +192,14 @@ class Identification(Result):
     @property
     def coverage_factors(self) -> np.ndarray:
         """Half of the intervals of 95 % of the ten parameters over their standard uncertainties."""
-        half, u = np.ptp(self.interval95, axis=1) / 2, self.standard_uncertainty
-        tensor_factors = np.divide(half, u, out=np.full(6, NORMAL), where=u > 0)
-        return np.concatenate([np.broadcast_to(self.centre_factor, 4), tensor_factors])
+        half, u = np.ptp(self.intervals95, axis=1) / 2, self.parameters.standard_uncertainty
+        return np.divide(half, u, out=np.full(10, NORMAL), where=u > 0)
 
     @property
     def with_undeclared(self) -> InertialParameters:
         """The ten parameters, whose covariance holds undeclared errors at typical size, too, where they are known."""
         ten = self.parameters
         return ten if self.undeclared is None else replace(ten, covariance=ten.covariance + self.undeclared.covariance)
-
-    @property
-    def intervals95(self) -> Float[np.ndarray, "10 2"]:
-        """Coverage intervals of 95 % of the ten parameters, by measured and declared errors [kg, m, kg·m²]."""
-        return np.vstack([mass_and_centre.interval95(self.parameters, self.centre_factor), self.interval95])
 
     @property
     def conventional_bounds(self) -> Float[np.ndarray, "10 2"] | None:
@@ -216,22 +215,19 @@ class Identification(Result):
         Args:
             changes: of the ten parameters by one standard uncertainty of each independent error [kg, m, kg·m²].
         """
-        half = self.coverage_factors * self.parameters.standard_uncertainty
-        wide_half = np.hypot(half, NORMAL * np.linalg.norm(changes, axis=1))
-        covariance = self.parameters.covariance + changes @ changes.T
-        u = np.sqrt(np.diag(covariance))
-        out = (wide_half - half)[4:, None] * [-1, 1]
+        half = np.ptp(self.intervals95, axis=1) / 2
+        out = np.hypot(half, NORMAL * np.linalg.norm(changes, axis=1)) - half
         return replace(
             self,
-            covariance=covariance[4:, 4:],
-            interval95=self.interval95 + np.where(np.isfinite(out), out, 0.0),
-            mass_uncertainty=None if self.mass is None else float(u[0]),
-            mass_covariance=covariance[0, 1:],
-            sigma_r_cg=u[1:4],
-            cg_covariance=covariance[1:4, 1:4],
-            cg_inertia_covariance=covariance[1:4, 4:],
-            centre_factor=np.divide(wide_half[:4], u[:4], out=np.full(4, NORMAL), where=u[:4] > 0),
+            parameters=replace(self.parameters, covariance=self.parameters.covariance + changes @ changes.T),
+            intervals95=self.intervals95 + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1],
         )
+
+    def with_mass_uncertainty(self, u: float) -> "Identification":
+        """Return the result whose mass has this standard uncertainty [kg], and a normal error."""
+        covariance, intervals = self.parameters.covariance.copy(), self.intervals95.copy()
+        covariance[0, 0], intervals[0] = u**2, self.parameters.mass + NORMAL * u * np.array([-1, 1])
+        return replace(self, parameters=replace(self.parameters, covariance=covariance), intervals95=intervals)
 
     @property
     def conventional_bound(self) -> np.ndarray | None:
@@ -266,7 +262,7 @@ class Identification(Result):
             "about_q": None if self.mass is None else self.parameters.about().to_dict(),
             "about_datum": None if self.datum is None else self.parameters.in_datum(self.datum).to_dict(),
             "tare": None if self.tare is None else self.tare.to_dict(),
-            **mass_and_centre.content(self.parameters, self.centre_factor, self.centre_from, bounds),
+            **mass_and_centre.content(self.parameters, self.intervals95, self.centre_from, bounds),
             "method": self.method,
             "delay": {"value": 0.0, "estimated": False} if self.delay is None else self.delay.to_dict(),
             "rotation": _rotation_content(self.rotation),
@@ -315,4 +311,19 @@ def covering_bias(result: Identification, bias: Float[np.ndarray, "6"]) -> Ident
     """
     expected = np.nan_to_num(bias)
     ends = np.stack([np.maximum(expected, 0.0), np.minimum(expected, 0.0)], axis=1)
-    return replace(result, interval95=result.interval95 - ends)
+    return replace(result, intervals95=result.intervals95 - np.vstack([np.zeros((4, 2)), ends]))
+
+
+def intervals_of(
+    parameters: InertialParameters, tensor: Float[np.ndarray, "6 2"], factor: np.ndarray | float = NORMAL
+) -> Float[np.ndarray, "10 2"]:
+    """Return the coverage intervals of 95 % of ten parameters: of mass and centre of gravity by a coverage factor.
+
+    Args:
+        parameters: the ten.
+        tensor: intervals of the components [kg·m²].
+        factor: coverage factor of mass and centre of gravity: one, or (4,).
+    """
+    half = factor * parameters.standard_uncertainty[:4]
+    four = parameters.values[:4]
+    return np.vstack([np.stack([four - half, four + half], axis=1), tensor])

@@ -14,19 +14,8 @@ DECLARED, POSES, ESTIMATED, LEFT = "declared", "static poses", "estimated with t
 """Possible origins of mass and centre of gravity."""
 
 
-def interval95(ten: InertialParameters, factor: np.ndarray | float) -> Float[np.ndarray, "4 2"]:
-    """Return coverage intervals of 95 % of mass [kg] and centre of gravity [m]; NaN for a mass that is not known.
-
-    Args:
-        ten: the ten parameters.
-        factor: coverage factor of all four, or of each.
-    """
-    half = np.asarray(factor) * ten.standard_uncertainty[:4]
-    return np.stack([ten.values[:4] - half, ten.values[:4] + half], axis=1)
-
-
 def content(
-    ten: InertialParameters, factor: np.ndarray | float, source: str, bounds: np.ndarray | None = None
+    ten: InertialParameters, ends: Float[np.ndarray, "10 2"], source: str, bounds: np.ndarray | None = None
 ) -> dict[str, Any]:
     """Return what result.json says of mass and centre of gravity, in SI; null for what is not known or counts as exact.
 
@@ -34,12 +23,12 @@ def content(
 
     Args:
         ten: the ten parameters.
-        factor: coverage factor of all four, or of each.
+        ends: their coverage intervals of 95 % [kg, m, kg·m²].
         source: where they come from.
         bounds: conventional bounds of the ten parameters, (10, 2) [kg, m, kg·m²]; None: not known.
     """
     by_parameter = [None] * 4 if bounds is None else bounds.tolist()
-    u, intervals = ten.standard_uncertainty, interval95(ten, factor).tolist()
+    u, intervals = ten.standard_uncertainty, ends.tolist()
     has_mass, uncertain = bool(np.isfinite(ten.mass)), bool(u[0] > 0)
     mass_source = DECLARED if source == ESTIMATED and not uncertain else source
     return {
@@ -53,7 +42,7 @@ def content(
         "cg": {
             "value": ten.r_cg.tolist(),
             "standard_uncertainty": u[1:4].tolist(),
-            "interval95": intervals[1:],
+            "interval95": intervals[1:4],
             "conventional_bound": None if bounds is None else by_parameter[1:4],
             "from": source,
         },

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -61,29 +60,22 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         if result.seen is not None:
             raise RunError(f"what {runs[0].name} determines is physically impossible: check signs, frames and r_CG")
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
+    # what is not determined has no covariance with anything, nor lasting errors
+    kept = np.concatenate([np.ones(4), bounded.determined])
+    covariance = result.parameters.covariance * np.outer(kept, kept)
+    covariance[4:, 4:] = covariance_within_bodies(bounded, result.covariance)
     weak = replace(
         result,
-        inertia=bounded.inertia,
+        parameters=replace(result.parameters, inertia=bounded.inertia, covariance=covariance),
+        intervals95=np.vstack([result.intervals95[:4], bounded.interval95]),
         bias=np.where(bounded.determined, result.bias, np.nan),
-        covariance=covariance_within_bodies(bounded, result.covariance),
-        interval95=bounded.interval95,
         admissible=bounded,
-        **_without_cross(result, bounded.determined),
+        lasting={name: effect * kept for name, effect in result.lasting.items()},
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
     unusual = bounded.distance > UNUSUAL and not weakness
     changed = [f"{bounded.reason}: the estimate is the nearest possible tensor"] if unusual else []
     return replace(weak, warnings=(*result.warnings, *weakness, *changed, *_wide_intervals(weak)))
-
-
-def _without_cross(result: Identification, determined: np.ndarray) -> dict[str, Any]:
-    """Covariances with mass and centre of gravity, and lasting errors: none of what is not determined."""
-    cg, mass, nine = result.cg_inertia_covariance, result.mass_covariance, np.concatenate([np.ones(3), determined])
-    return {
-        "cg_inertia_covariance": None if cg is None else cg * determined,
-        "mass_covariance": None if mass is None else mass * nine,
-        "lasting": {name: effect * np.concatenate([[1], nine]) for name, effect in result.lasting.items()},
-    }
 
 
 def _impossible(result: Identification) -> list[str]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.results.identification_result import Identification
+from identify.results.identification_result import Identification, intervals_of
 from identify.results.mass_and_centre import POSES
 from identify.static.centre_result import Centre
 
@@ -20,24 +20,23 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
         centre: mass and centre of gravity with their covariance.
     """
     variance = np.square(result.sigma_r_cg)
-    cg_inertia = np.zeros((3, 6)) if result.cg_inertia_covariance is None else result.cg_inertia_covariance
+    cg_inertia = result.parameters.covariance[1:4, 4:]
     jacobian = np.divide(cg_inertia, variance[:, None], out=np.zeros_like(cg_inertia), where=variance[:, None] > 0).T
     spread = centre.covariance[1:4, 1:4]
     covariance = result.covariance + jacobian @ (spread - np.diag(variance)) @ jacobian.T
     wider = np.sqrt(np.diag(covariance) / np.maximum(np.diag(result.covariance), 1e-300))
     half = np.diff(result.interval95, axis=1)[:, 0] / 2 * np.where(np.diag(result.covariance) > 0, wider, 1.0)
-    with_mass = centre.covariance[0, 1:4]
+    by_centre = np.vstack([np.eye(4), np.hstack([np.zeros((6, 1)), jacobian])])
+    of_ten = by_centre @ centre.covariance[:4, :4] @ by_centre.T
+    of_ten[4:, 4:] = covariance
+    parameters = replace(result.parameters, covariance=of_ten)
+    ends = np.stack([result.inertia - half, result.inertia + half], axis=1)
     return replace(
         result,
-        covariance=covariance,
-        interval95=np.stack([result.inertia - half, result.inertia + half], axis=1),
-        centre_factor=centre.coverage_factor[:4],
+        parameters=parameters,
+        intervals95=intervals_of(parameters, ends, centre.coverage_factor[:4]),
         centre_from=POSES,
-        mass_uncertainty=float(centre.standard_uncertainty[0]),
-        cg_covariance=spread,
-        cg_inertia_covariance=spread @ jacobian.T,
         lasting={
             name: np.concatenate([effect[:4], jacobian @ effect[1:4]]) for name, effect in centre.lasting_errors.items()
         },
-        mass_covariance=np.concatenate([with_mass, jacobian @ with_mass]),
     )

@@ -153,10 +153,9 @@ def with_shared_errors(
             if label in lasting:
                 cross += np.outer(on_centre, on_tensor - lasting[label][4:])
                 lasting[label] = np.concatenate([on_centre, on_tensor])
-    with_mass = np.zeros(3) if result.mass_covariance is None else result.mass_covariance[:3]
-    return replace(
-        result, cg_inertia_covariance=cross[1:], mass_covariance=np.concatenate([with_mass, cross[0]]), lasting=lasting
-    )
+    covariance = result.parameters.covariance.copy()
+    covariance[:4, 4:], covariance[4:, :4] = cross, cross.T
+    return replace(result, parameters=replace(result.parameters, covariance=covariance), lasting=lasting)
 
 
 def centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:

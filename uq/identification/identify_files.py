@@ -14,7 +14,6 @@ from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.priors import Alignment
 from identify.judge.findings import Finding
-from identify.methods.base import estimator_of
 from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import checked
 from identify.results.declaration import ResidualCause
@@ -217,9 +216,6 @@ def _estimated(
         drawn_by_mounting=drawn_unknowns(experiment),
         validate=validate,
     )
-    estimates = estimator_of(result.method).estimates
-    if prior is None and experiment.scale is not None and "mass" not in estimates:
-        result = replace(result, mass_uncertainty=experiment.scale[1])
     return checked(with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting))
 
 

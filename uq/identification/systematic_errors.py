@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
@@ -23,6 +24,7 @@ from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
 from identify.results.covariances import positive, with_cross
 from identify.results.identification_result import Identification, covering_bias
+from identify.results.mass_and_centre import POSES
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.run import Run, RunError
@@ -143,16 +145,20 @@ def with_declared_sources(
     low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)
     if "r_cg" in redrawn and len({run.mounting for run in result.runs}) > 1:  # each mounting has its own
-        result = replace(result, cg_inertia_covariance=None, mass_covariance=None)
+        alone = scipy.linalg.block_diag(result.parameters.covariance[:4, :4], result.covariance)
+        result = replace(result, parameters=replace(result.parameters, covariance=alone))
     else:
         result = _with_shared_errors(result, runs, experiment, redrawn)
-    ten = np.nan_to_num(result.parameters.covariance)
+    of_ten = result.parameters.covariance.copy()
+    ten = np.nan_to_num(of_ten)
     # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
     covariance = with_cross(together.covariance + source_covariance, ten[:4, :4], ten[:4, 4:])
+    of_ten[4:, 4:] = covariance
+    ends = result.inertia[:, None] - np.stack([high, low], axis=1)
     with_sources = replace(
         result,
-        covariance=covariance,
-        interval95=result.inertia[:, None] - np.stack([high, low], axis=1),
+        parameters=replace(result.parameters, covariance=of_ten),
+        intervals95=np.vstack([result.intervals95[:4], ends]),
         bias=result.bias + systematic.common.mean(axis=0),
         pooling=together,
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in systematic.alone.items()}),
@@ -247,7 +253,8 @@ def acting(
     sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
     mixing = list(experiment.mixing)
     shared = _shared(result, sources, mixing, redrawn)
-    covariance = result.cg_covariance
+    from_poses = result.centre_from == POSES
+    covariance = result.parameters.covariance[1:4, 1:4] if from_poses else None
     if shared:  # without what shared sources do to it
         held_already = sum(source.on_centre[1:] @ source.on_centre[1:].T for source in shared.values())
         covariance = positive(result.parameters.covariance[1:4, 1:4] - held_already)

@@ -62,7 +62,7 @@ def tare_files(
     if tare_centre is None:
         fixture = experiment.fixture
         assert fixture is not None  # noqa: S101 - fixture_alone has seen it
-        empty = replace(empty, mass_uncertainty=float(fixture.standard_uncertainty[0]))
+        empty = empty.with_mass_uncertainty(float(fixture.standard_uncertainty[0]))
     return tared(result, empty)
 
 
@@ -134,7 +134,6 @@ def tared(
     _, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
     factors = [result.coverage_factors, np.full(10, NORMAL) if identified is None else identified.coverage_factors]
     half_width = _half_width((assembly, fixture), body, jacobian, factors)
-    half = half_width[4:]
     middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
     tare_warnings = () if identified is None else identified.warnings
     tare_declarations = [
@@ -143,21 +142,12 @@ def tared(
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
     body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
-    u = body.standard_uncertainty[:4]
+    middle = np.concatenate([body.values[:4], middle])[:, None]
     tared_result = replace(
         result,
-        mass=body.mass,
-        r_cg=body.r_cg,
-        sigma_r_cg=body.standard_uncertainty[1:4],
-        inertia=body.inertia,
-        covariance=body.covariance[4:, 4:],
-        interval95=np.stack([middle - half, middle + half], axis=1),
+        parameters=body,
+        intervals95=middle + half_width[:, None] * [-1, 1],
         bias=result.bias - (0.0 if identified is None else identified.bias),
-        mass_uncertainty=float(body.standard_uncertainty[0]),
-        mass_covariance=body.covariance[0, 1:],
-        cg_covariance=body.covariance[1:4, 1:4],
-        cg_inertia_covariance=body.covariance[1:4, 4:],
-        centre_factor=np.divide(half_width[:4], u, out=np.full(4, NORMAL), where=u > 0),
         centre_from=LEFT,
         lasting={},
         undeclared=_undeclared(result, identified, jacobian),

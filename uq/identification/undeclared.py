@@ -17,6 +17,7 @@ from identify.judge.findings import Finding
 from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
+from identify.results.mass_and_centre import DECLARED
 from identify.results.undeclared import Effect, Undeclared
 from identify.rounding import exact
 from identify.signals.run import Run
@@ -204,7 +205,10 @@ def _of_joint(by_held: Mapping[str, np.ndarray], undeclared: Experiment) -> dict
 def _of_least_squares(result: Identification, runs: Sequence[Run], undeclared: Experiment) -> dict[str, np.ndarray]:
     """Return each error's change of the tensor, and of the centre of gravity where that errs."""
     # bounded by physical limits it would count as holding the uncertainty of r_CG, but no undeclared error
-    as_stated = replace(result, sigma_r_cg=undeclared.sigma_r_cg, cg_covariance=None, admissible=None)
+    covariance = result.parameters.covariance.copy()
+    covariance[1:4, 1:4] = np.diag(undeclared.sigma_r_cg**2)
+    stated = replace(result.parameters, covariance=covariance)
+    as_stated = replace(result, parameters=stated, centre_from=DECLARED, admissible=None)
     problem = problem_of(as_stated, runs, undeclared, slopes=True)
     if not problem.sources:  # gravity alone is open, to which least squares are blind
         return {}

@@ -12,6 +12,7 @@ from identify.judge import held_out
 from identify.results.held_out_result import LEVEL
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.power_spectrum import motion_band
+from tests.helpers.changed_result import changed
 from tests.helpers.laboratory import NOISE, measure
 from tests.helpers.laboratory_mechanics import INERTIA
 from tests.helpers.laboratory_runs import identified, run_of
@@ -80,10 +81,10 @@ def test_a_run_that_is_not_of_the_others_is_named(three, name):
 
 
 WRONG = {
-    "tensor": lambda estimate: replace(estimate, inertia=1.01 * estimate.inertia),
-    "sign": lambda estimate: replace(estimate, inertia=-estimate.inertia),
-    "mass": lambda estimate: replace(estimate, mass=1.01 * estimate.mass),
-    "centre of gravity": lambda estimate: replace(estimate, r_cg=estimate.r_cg + [0.002, 0.0, 0.0]),
+    "tensor": lambda estimate: changed(estimate, inertia=1.01 * estimate.inertia),
+    "sign": lambda estimate: changed(estimate, inertia=-estimate.inertia),
+    "mass": lambda estimate: changed(estimate, mass=1.01 * estimate.mass),
+    "centre of gravity": lambda estimate: changed(estimate, r_cg=estimate.r_cg + [0.002, 0.0, 0.0]),
 }
 
 

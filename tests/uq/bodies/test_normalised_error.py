@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -15,6 +16,7 @@ from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
 from identify.signals.estimator_spec import EstimatorSpec
+from tests.helpers.changed_result import changed
 from uq import compare, load_reference
 from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import suspicions
@@ -282,12 +284,11 @@ def identified(tensor, repeats=(), mass=None):
         RunEstimate(f"{k}.mcap", None, row, np.ones(6), 1000, 400.0, np.ones(3), 0.0, None, True)
         for k, row in enumerate(repeats)
     )
-    half = 2 * np.sqrt(np.diag(tensor.covariance))[:, None]
-    interval = tensor.inertia[:, None] + half * np.array([[-1, 1]])
-    return Identification(
-        tensor.inertia, np.zeros(6), tensor.covariance, interval, np.array([0.0, 0, 0.053]), np.full(3, 1e-4), mass,
-        EstimatorSpec("central", "central"), runs, (), (), {}, mass_uncertainty=None if mass is None else 1e-3,
-    )  # fmt: skip
+    of_mass = np.nan if mass is None else 1e-6
+    covariance = scipy.linalg.block_diag(of_mass, 1e-8 * np.eye(3), tensor.covariance)
+    ten = InertialParameters(np.nan if mass is None else mass, np.array([0.0, 0, 0.053]), tensor.inertia, covariance)
+    intervals = ten.values[:, None] + 2 * ten.standard_uncertainty[:, None] * np.array([[-1, 1]])
+    return Identification(ten, intervals, np.zeros(6), EstimatorSpec("central", "central"), runs, (), (), {})
 
 
 SOURCE = {
@@ -323,7 +324,9 @@ def test_few_runs_count_with_the_interval_that_they_have():
     """Half intervals of 12.7 u, as two runs give them, and of 4 u for the mass: E_n is so much smaller."""
     result = identified(Tensor(MEAN, 1e-8 * np.eye(6)), mass=MASS + 0.004)
     half = 12.7 * 1e-4 * np.array([[-1, 1]])
-    wide = dataclasses.replace(result, interval95=MEAN[:, None] + half, centre_factor=np.array([4.0, 2, 2, 2]))
+    intervals = np.vstack([result.intervals95[:4], MEAN[:, None] + half])
+    intervals[0] = result.mass + 4 * 1e-3 * np.array([-1, 1])
+    wide = dataclasses.replace(result, intervals95=intervals)
     exact = cad(written("CG", "tensor"), frame=False)
     narrow, found = compare(result, exact), compare(wide, exact)
     np.testing.assert_allclose(found.normalised_error, narrow.normalised_error * 2 / 12.7)
@@ -358,12 +361,12 @@ def test_mass_and_centre_are_compared_where_both_sides_know_them(generator):
 
 def test_a_mass_that_is_declared_as_exact_has_no_normalised_error():
     """It is no measurement: the deviation of a declared mass from the drawing's is said, in its own words."""
-    result = dataclasses.replace(identified(Tensor(TENSOR, 1e-6 * np.eye(6)), mass=MASS + 0.4), mass_uncertainty=None)
+    result = changed(identified(Tensor(TENSOR, 1e-6 * np.eye(6)), mass=MASS + 0.4), mass_uncertainty=None)
     found = compare(result, dataclasses.replace(cad(written("CG", "tensor"), frame=False)))
     assert set(found.other_errors) == {"cg_x", "cg_y", "cg_z"}
     (line,) = [text for text in findings(found) if text.startswith("mass")]
     assert line.startswith(f"mass is {MASS + 0.4:g} kg, declared without an uncertainty (no E_n); ")
-    same = dataclasses.replace(result, mass=MASS)
+    same = changed(result, mass=MASS)
     assert not any(text.startswith("mass") for text in findings(compare(same, found.reference)))
 
 

@@ -1,6 +1,5 @@
 """``inertia identify --expected --export``: what it writes; a mistake in an option is one line, and nothing is written."""
 
-import dataclasses
 import json
 
 import mujoco
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 
 import uq.cli.identify as command_module
+from tests.helpers.changed_result import changed
 from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
 
@@ -143,7 +143,7 @@ def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(
 
     def impossible(*arguments, **options):
         result = identified_once(*arguments, **options)
-        return dataclasses.replace(result, inertia=result.inertia * [1, 1, 1, 1, 1, 3])
+        return changed(result, inertia=result.inertia * [1, 1, 1, 1, 1, 3])
 
     monkeypatch.setattr("uq.cli.identify.identify_files", impossible)
     assert main(command(lab, "--export", "kuka", "--out", out)) == 2

@@ -184,7 +184,7 @@ def test_a_declared_gain_of_the_force_reaches_mass_and_centre(weighed_with_gain)
     assert (wrong < 2 * u).all()
     assert 0.001 < u[0] / load.mass < 0.0025
     low, high = result.to_dict()["mass"]["interval95"]
-    assert high - low == pytest.approx(2 * result.centre_factor * u[0])
+    assert high - low == pytest.approx(2 * result.coverage_factors[0] * u[0])
 
 
 def table(certificate, start):

@@ -12,6 +12,7 @@ import pytest
 from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Rest, RunError
+from tests.helpers.changed_result import changed
 from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
@@ -126,7 +127,7 @@ def test_the_centre_of_gravity_is_counted_once(short):
     np.testing.assert_allclose(np.diag(after.covariance), np.diag(before.covariance), rtol=0.06)
     np.testing.assert_allclose(after.interval95, before.interval95, atol=0.06 * before.standard_uncertainty.max())
     # known from elsewhere, as static poses tell it: one source of the result's own, none of the experiment's
-    other = with_declared_sources(dataclasses.replace(before, sigma_r_cg=2 * before.sigma_r_cg), [run], experiment)
+    other = with_declared_sources(changed(before, sigma_r_cg=2 * before.sigma_r_cg), [run], experiment)
     np.testing.assert_allclose(other.budget["r_cg"], 2 * np.array(known), rtol=0.03, atol=2e-3 * np.max(known))
 
 

@@ -10,6 +10,7 @@ from identify.identification import identify
 from identify.results.covariances import checked
 from identify.results.undeclared import Effect, Undeclared
 from identify.rigid_body.inertial_parameters import InertialParameters
+from tests.helpers.changed_result import changed
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
 from uq.identification import tare
@@ -28,7 +29,7 @@ def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator,
     fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, np.zeros(3), 1)
     fixture = dataclasses.replace(fixture, lasting={})
     middle = fixture.inertia[:, None]
-    doubled = dataclasses.replace(fixture, interval95=middle + 2 * (fixture.interval95 - middle))
+    doubled = changed(fixture, interval95=middle + 2 * (fixture.interval95 - middle))
     exact = InertialParameters(
         fixture.parameters.mass, fixture.parameters.r_cg, fixture.parameters.inertia, np.zeros((10, 10))
     )
@@ -83,11 +84,11 @@ def test_a_covariance_that_is_none_is_refused_in_one_line(by_joint):
     whole, _, _ = by_joint
     worse = whole.covariance - 2 * np.diag(np.diag(whole.covariance)) * (np.arange(6) == 4)
     with pytest.raises(RunError, match=r"covariance of mass, centre .* is not finite \(I23\): check the declared"):
-        checked(dataclasses.replace(whole, covariance=worse))
-    linked = np.array(whole.cg_inertia_covariance)
-    linked[0, 0] = 3 * whole.sigma_r_cg[0] * whole.standard_uncertainty[0]
+        checked(changed(whole, covariance=worse))
+    linked = np.array(whole.parameters.covariance)
+    linked[1, 4] = linked[4, 1] = 3 * whole.sigma_r_cg[0] * whole.standard_uncertainty[0]
     with pytest.raises(RunError, match=r"is not positive semidefinite .* or use the method source"):
-        checked(dataclasses.replace(whole, cg_inertia_covariance=linked))
+        checked(changed(whole, covariance_of_ten=linked))
 
 
 def test_the_method_reaches_the_tare(monkeypatch, by_joint, brief):

@@ -13,6 +13,7 @@ from identify import identification
 from identify.joint import single_run
 from identify.results.declaration import ResidualCause
 from identify.results.undeclared import QUANTITIES, Effect, Undeclared
+from tests.helpers.changed_result import changed
 from tests.helpers.laboratory import Setup, cell_reading, measure
 from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
@@ -217,7 +218,7 @@ def test_the_experiment_has_its_own_figures(by_source, measured):
     names = ("force_gain_by_axis", "cross_talk", "moment_gain", "moment_gain_by_axis", "load_cell_axes", "gyro_scale",
              "gyro_axes", "delay", "mass")  # fmt: skip
     own = {"force_gain": "0.125 %", "mounting_frequency": "100 Hz"} | dict.fromkeys(names, False)
-    exact = replace(by_source, sigma_r_cg=np.zeros(3))
+    exact = changed(by_source, sigma_r_cg=np.zeros(3))
     ours = again(exact, measured, without=("r_cg",), **own)
     assert set(ours) == {"force_gain", "mounting_frequency", "centre_of_gravity"}
     np.testing.assert_allclose(ours["force_gain"], usual["force_gain"] / 2, rtol=1e-6, atol=1e-9)
@@ -229,7 +230,7 @@ def test_the_experiment_has_its_own_figures(by_source, measured):
 
 def test_where_all_is_declared_nothing_is_left_out(by_source, measured):
     """But gravity, to which least squares are blind: nothing is left to be computed."""
-    by_source = replace(by_source, mass_uncertainty=0.01)
+    by_source = changed(by_source, mass_uncertainty=0.01)
     names = {"gyro_axes": ("omega", "misalignment"), "load_cell_axes": ("wrench", "misalignment"), "gyro_scale": ("omega", "scale"),
              "force_gain": ("F", "scale"), "moment_gain": ("M", "scale")}  # fmt: skip
     declared = [source(name, *pair, [0.3] * 3) for name, pair in names.items()]
@@ -308,7 +309,7 @@ def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):
 def test_a_singular_estimate_has_no_figure(by_source):
     """A change of the mass by 1e137 kg is no price of an error."""
     huge = Undeclared((effect("mass", [1e140, 0, 0, 0, 0.1, 0, 0, 0, 0, 0]),))
-    result = replace(by_source, undeclared=huge, mass_uncertainty=1e-3)
+    result = replace(by_source.with_mass_uncertainty(1e-3), undeclared=huge)
     _, *row = undeclared_tables(result)[0].rows[0]
     assert (row[1], row[5]) == ("–", "0.10")
     assert result.overview()[1].rows[0][-1] == "not determined"

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from identify.results.alignment import Aligned
 from identify.results.identification_result import MISFIT, Identification, evaluation_type
-from identify.results.mass_and_centre import NAMES, UNITS, interval95
+from identify.results.mass_and_centre import NAMES, UNITS
 from identify.results.undeclared import CONVENTIONAL
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -81,7 +81,7 @@ def _bounds(result: Identification, intervals: Float[np.ndarray, "m 2"], where: 
 def mass_and_centre(result: Identification, report: Report) -> Table:
     """Return mass and centre of gravity with their intervals, and where they come from."""
     ten, unit = result.parameters, np.array(UNITS)
-    ends = interval95(ten, result.centre_factor) * unit[:, None]
+    ends = result.intervals95[:4] * unit[:, None]
     value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
     four = of_intervals(NAMES, value, u, ends, **report.coverage)
     rows = four.rows()

@@ -139,7 +139,7 @@ def _largest(result: Identification) -> np.ndarray:
 def _mass_and_centre(result: Identification) -> list[list[str]]:
     """Value, standard uncertainty and first interval of mass and centre of gravity; – for what is not known."""
     ten, rows = result.parameters, []
-    ends = mass_and_centre.interval95(ten, result.centre_factor)
+    ends = result.intervals95
     columns = zip(
         mass_and_centre.NAMES, mass_and_centre.UNITS, ten.values, ten.standard_uncertainty, ends, strict=False
     )
