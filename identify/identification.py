@@ -76,7 +76,7 @@ def identify(
         cg_motion: ``still`` where the motion keeps the centre of gravity still (``joint``); None: not declared, then an
             accelerometer tells the specific force, or nothing does.
         gravity: local gravity [m/s²] (``joint``).
-        mass_uncertainty: standard uncertainty of ``mass`` [kg] (``joint``); None: it counts as exact.
+        mass_uncertainty: standard uncertainty of ``mass`` [kg]; None: it counts as exact.
         errors: declared constant errors of load cell, gyro and rig, by the name of their source (``joint``); see
             :class:`identify.joint.priors.ConstantError`. None: none.
         drawn_by_mounting: unknowns of :data:`identify.joint.joint_model.SIZES` that are others in each mounting, as

@@ -30,10 +30,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-VERSION = 2
+VERSION = 1
 """Version of result files (uq/schemas/result.json), raised when a key leaves or changes its meaning."""
-READ_VERSIONS = (1, VERSION)
-"""Versions that are read."""
 PLACE: ContextVar[Any] = ContextVar("place", default=None)
 """The figure, or part of one, that is filled instead of a new figure; None: a new one is made."""
 

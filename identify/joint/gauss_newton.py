@@ -1,7 +1,8 @@
 """The joint estimate of one run: the most probable unknowns, given its samples and the prior.
 
 Gauss–Newton on whitened residuals and priors (maximum a posteriori); the covariance is the inverse of the information
-at the solution. Where noise has a spectrum, the rows' equations count as it is (:mod:`identify.joint.noise_spectrum`).
+at the solution. Where noise has a spectrum, the rows' equations are weighted by it
+(:mod:`identify.joint.noise_spectrum`).
 """
 
 from collections.abc import Callable

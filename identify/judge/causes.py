@@ -273,7 +273,7 @@ IMPOSSIBLE = 1e-5
 Prior: some 300 typical sizes: gains that are off by the whole, a gyro turned by a radian.
 """
 FREE = 100.0
-"""Size over that of the prior that a named cause may have where what it leaves unexplained is looked at.
+"""Factor on a named cause's prior size when the rest is judged, so that the prior holds nothing back.
 
 Choice: its prior then holds nothing of it back, which would count as unexplained.
 """

@@ -19,7 +19,7 @@ from identify.results.held_out_result import HeldOut
 from identify.results.run_estimate import RunEstimate, offsets_content
 from identify.results.undeclared import Undeclared
 from identify.rigid_body.fixture import Tare
-from identify.rigid_body.inertia import COMPONENTS
+from identify.rigid_body.inertia import COMPONENTS, MOMENTS
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters, by_component
 from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
@@ -207,7 +207,13 @@ class Identification(Result):
 
         Squares of the half-widths add. The bound has no coverage probability: the typical sizes are guesses.
         """
-        return None if self.undeclared is None else self.undeclared.bounds(self.intervals95)
+        if self.undeclared is None:
+            return None
+        bounds = self.undeclared.bounds(self.parameters.values, self.intervals95)
+        if self.admissible is not None:  # as the intervals, they end where no body is
+            moments = np.add(4, MOMENTS)
+            bounds[moments, 0] = np.maximum(bounds[moments, 0], 0.0)
+        return bounds
 
     def widened(self, changes: Float[np.ndarray, "10 k"]) -> "Identification":
         """Return the result whose uncertainties and intervals hold further normal errors.
@@ -226,6 +232,7 @@ class Identification(Result):
     def with_mass_uncertainty(self, u: float) -> "Identification":
         """Return the result whose mass has this standard uncertainty [kg], and a normal error."""
         covariance, intervals = self.parameters.covariance.copy(), self.intervals95.copy()
+        covariance[0] = covariance[:, 0] = 0.0  # it is known from elsewhere
         covariance[0, 0], intervals[0] = u**2, self.parameters.mass + NORMAL * u * np.array([-1, 1])
         return replace(self, parameters=replace(self.parameters, covariance=covariance), intervals95=intervals)
 
@@ -288,7 +295,7 @@ class Identification(Result):
         return dict(plain(content))
 
     def records(self) -> list[dict[str, Any]]:
-        """Return value, bias, standard uncertainty and interval of each component [kg·m²]; the second where known."""
+        """Return value, bias, standard uncertainty and interval of each component [kg·m²]; the bound where known."""
         return interval_records(self, component=COMPONENTS, value=self.inertia, bias=self.bias)
 
 

@@ -114,12 +114,17 @@ class Undeclared:
         """Return half of the conventional bounds from half of the coverage intervals of 95 %: squares add."""
         return np.hypot(half, CONVENTIONAL * self.standard_uncertainty)
 
-    def bounds(self, intervals: Float[np.ndarray, "10 2"]) -> Float[np.ndarray, "10 2"]:
-        """Return the conventional bounds of mass, r_CG and tensor: their coverage intervals, widened on both sides."""
-        half = np.ptp(intervals, axis=1) / 2
-        with np.errstate(invalid="ignore"):  # what is not determined has no ends
-            out = self.half_width(half) - half
-        return intervals + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1]
+    def bounds(
+        self, values: Float[np.ndarray, "10"], intervals: Float[np.ndarray, "10 2"]
+    ) -> Float[np.ndarray, "10 2"]:
+        """Return the conventional bounds of mass, r_CG and tensor: each arm of the coverage intervals, widened.
+
+        Args:
+            values: of the ten parameters.
+            intervals: their coverage intervals; infinite or NaN ends stay so.
+        """
+        arms = np.abs(intervals - values[:, None])
+        return values[:, None] + np.hypot(arms, CONVENTIONAL * self.standard_uncertainty[:, None]) * [-1, 1]
 
     def to_dict(self) -> list[dict[str, Any]]:
         """Return the content of result.json, in SI."""

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from identify.exceptions import RunError
-from identify.reporting import READ_VERSIONS, VERSION, Result, interval_records
+from identify.reporting import VERSION, Result, interval_records
 from identify.results.covariances import least_eigenvalue
 from identify.results.undeclared import Effect, Undeclared
 from identify.static.gain_check import GainCheck
@@ -89,7 +89,7 @@ class Centre(Result):
     @property
     def conventional_bound(self) -> np.ndarray | None:
         """Intervals of the ten parameters, widened by k = 2 of undeclared errors, (10, 2); None: not known."""
-        return None if self.undeclared is None else self.undeclared.bounds(self.interval95)
+        return None if self.undeclared is None else self.undeclared.bounds(self.values, self.interval95)
 
     @property
     def directions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -177,7 +177,7 @@ class Centre(Result):
         """
         if not isinstance(content, Mapping) or content.get("kind") != Centre.kind:
             raise RunError(f"{name} is no result of `inertia centre`: give the centre.json that it wrote")
-        if content.get("version") not in READ_VERSIONS:
+        if content.get("version") != VERSION:
             raise RunError(f"{name} is of another version than {VERSION}: run `inertia centre` again")
         if content.get("parameters") != list(PARAMETERS) or content.get("units") != list(UNITS):
             raise RunError(f"{name} has other parameters or units than those of a centre: run `inertia centre` again")

@@ -74,11 +74,11 @@ class Comparison(Result):
 
     @property
     def normalised_error_with_undeclared(self) -> np.ndarray:
-        """E_n of each component with U of undeclared errors, too, at typical size; NaN: not known."""
-        second = self.result.conventional_bound
-        if second is None:
+        """E_n of each component by half the conventional bound in place of U; NaN: not known."""
+        bound = self.result.conventional_bound
+        if bound is None:
             return np.full(6, np.nan)
-        half = np.fmax(np.ptp(second, axis=1) / 2, self.factor[4:] * self.measured.standard_uncertainty)
+        half = np.fmax(np.ptp(bound, axis=1) / 2, self.factor[4:] * self.measured.standard_uncertainty)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.deviation / np.hypot(half, USUAL * self.expected.standard_uncertainty)
         return np.where(self.deviation == 0, 0.0, ratio)

@@ -18,8 +18,9 @@ Rule = Literal["simple", "guarded"]
 Outcome = Literal["conforms", "does not conform", "undecided"]
 RULES: Mapping[Rule, str] = {
     "simple": "simple acceptance: the value lies within the limits, whatever its uncertainty (JCGM 106, 8.2)",
-    "guarded": "guarded acceptance: the value lies within the limits by at least half its conventional bound, which is "
-    "U where no error is undeclared; it does not conform where it lies outside them by more (JCGM 106, 8.3)",
+    "guarded": "guarded acceptance: the value lies within the limits by at least the half-width of its conventional "
+    "bound, which is U where no error is undeclared; it does not conform where it lies outside them by more (JCGM 106, "
+    "8.3)",
 }
 
 
@@ -51,7 +52,7 @@ class Decision:
 
 
 def decide(
-    conformity: Conformity, inertia: np.ndarray, standard_uncertainty: np.ndarray, expanded: np.ndarray
+    conformity: Conformity, inertia: np.ndarray, standard_uncertainty: np.ndarray, half_width: np.ndarray
 ) -> list[Decision]:
     """Return what the rule says of each component with limits.
 
@@ -59,7 +60,7 @@ def decide(
         conformity: limits and rule.
         inertia: packed tensor [kg·m²].
         standard_uncertainty: of its components [kg·m²].
-        expanded: half of their conventional bounds [kg·m²].
+        half_width: of their conventional bounds [kg·m²].
     """
     scale = np.maximum(standard_uncertainty, 1e-300)
     decisions = []
@@ -67,7 +68,7 @@ def decide(
         if name in conformity.limits:
             low, high = conformity.limits[name]
             below, up_to_high = scipy.special.ndtr((np.array([low, high]) - inertia[k]) / scale[k])
-            outcome = _outcome(conformity.rule, inertia[k], expanded[k], low, high)
+            outcome = _outcome(conformity.rule, inertia[k], half_width[k], low, high)
             decisions.append(Decision(name, (low, high), outcome, probability=float(up_to_high - below)))
     return decisions
 

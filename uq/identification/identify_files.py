@@ -45,7 +45,7 @@ from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
 COMPLETE = 'no error acts but the declared ones (undeclared = "none")'
-NO_SECOND = "no interval of mass and centre of gravity includes undeclared errors: run `inertia centre` again"
+NO_BOUND = "nothing holds undeclared errors of mass and centre of gravity: run `inertia centre` again"
 FREE_CENTRE = "no centre of gravity is declared: it is estimated from the motion (prior: Q ± 0.3 m)"
 OLD_NAME = "[not_included] is read as [undeclared], its new name"
 CONSEQUENCE = " (possibly a consequence of the suspicions above: resolve those first)"
@@ -178,7 +178,7 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
 
 def _on_undeclared(experiment: Experiment, centre: Centre | None) -> list[str]:
     complete = [COMPLETE] if experiment.undeclared == NONE else []
-    old = [NO_SECOND] if centre is not None and centre.undeclared is None else []
+    old = [NO_BOUND] if centre is not None and centre.undeclared is None else []
     return [*complete, *old, *([OLD_NAME] if "not_included" in experiment.document else [])]
 
 

@@ -23,7 +23,7 @@ from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
 from identify.results.covariances import positive, with_cross
-from identify.results.identification_result import Identification, covering_bias
+from identify.results.identification_result import MISFIT, Identification, covering_bias
 from identify.results.mass_and_centre import POSES
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
@@ -140,7 +140,7 @@ def with_declared_sources(
     if result.admissible is not None:
         return widened_by_sources(result, systematic)
     if not systematic.sources:
-        misfit = {} if result.misfit is None else {"model misfit": np.linalg.norm(result.misfit, axis=1)}
+        misfit = {} if result.misfit is None else {MISFIT: np.linalg.norm(result.misfit, axis=1)}
         return replace(result, budget=budget_of(together, misfit))
     low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)

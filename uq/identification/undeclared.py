@@ -37,17 +37,18 @@ PRICE = 0.1
 
 Price: stated as such. What a result takes as exact is not widened: there the bound must hold the cause.
 """
-NAMED = {
+REPLACED_BY_CAUSE = {
     finding.label: name
     for finding, name in (
         (Finding.GYRO_SCALE, "gyro_scale"), (Finding.GYRO_AXES, "gyro_axes"), (Finding.DELAY, "delay"),
         (Finding.ACCELEROMETER_PLACE, "accelerometer_place"), (Finding.ACCELEROMETER_SCALE, "accelerometer_scale"),
     )
 }  # fmt: skip
-"""Errors whose value in the runs, with its uncertainty, takes the place of their typical size, by the finding's label.
+"""Errors whose value in the runs, with its uncertainty, takes the place of their typical size in the tensor.
 
-Not gains, cross-talk and axes of the load cell: runs show a part of their numbers, and typical sizes hold the others.
-Not mass and centre of gravity, which the result keeps as they are stated.
+By the finding's label; that of late gyro axes is the delay's. Not gains, cross-talk and axes of the load cell: runs
+show a part of their numbers, and typical sizes hold the others. Not mass and centre of gravity, which the result keeps
+as they are stated.
 """
 STEP = 0.01
 """Step of the finite differences, in standard uncertainties."""
@@ -103,13 +104,19 @@ def with_undeclared(
             changes[effect.name] = changes.get(effect.name, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
     typical = undeclared_errors(changes, size, experiment, pose_effects)
-    named = {NAMED.get(cause.cause) for cause in result.consistency}  # its value is part of the covariance
-    others = Undeclared(tuple(effect for effect in typical.effects if effect.name not in named))
-    return replace(noted(replace(result, undeclared=typical)), undeclared=others)
+    named = {REPLACED_BY_CAUSE.get(cause.cause) for cause in result.consistency}
+    remaining = (_without_tensor(effect) if effect.name in named else effect for effect in typical.effects)
+    beside_causes = Undeclared(tuple(effect for effect in remaining if effect.changes.any()))
+    return replace(noted(replace(result, undeclared=typical)), undeclared=beside_causes)
+
+
+def _without_tensor(effect: Effect) -> Effect:
+    """An error whose effect on the tensor is part of its covariance already; not that on mass and centre of gravity."""
+    return effect._replace(changes=effect.changes * (np.arange(10) < 4)[:, None])
 
 
 def noted(result: Identification) -> Identification:
-    """Return a result whose warnings are without the causes that its conventional bound holds: these are notes."""
+    """Return a result whose warnings are without causes that the bound holds at typical size: these are notes."""
     half = result.coverage_factors * result.parameters.standard_uncertainty
     bound = half if result.undeclared is None else result.undeclared.half_width(half)
     consistency = []
@@ -118,7 +125,7 @@ def noted(result: Identification) -> Identification:
         seen = np.where(np.isfinite(half), half, 0.0)
         added = 4 * np.square(cause.changes or np.inf) + cause.share * seen**2
         allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * bound**2, 4 * bound**2)
-        consistency.append(cause._replace(note=bool((added <= allowed).all())))
+        consistency.append(cause._replace(note=not (added > allowed).any()))  # NaN: a mass that is not known
     notes = {cause.text for cause in consistency if cause.note}
     warnings = tuple(text for text in result.warnings if text not in notes)
     return replace(result, consistency=tuple(consistency), warnings=warnings)

@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identify.estimators.gram import Sums, normal_equations
-from identify.estimators.pooling import NORMAL, Pooling
+from identify.estimators.pooling import Pooling
 from identify.estimators.run_information import Excitation, excitation
+from identify.results.undeclared import CONVENTIONAL
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.sums.residual_spectrum import LEAST_GAIN
@@ -66,8 +67,8 @@ class LiveEstimate:
     largest_source: tuple[str | None, ...]
     """Declared source that contributes most, by component."""
     undeclared: Float[np.ndarray, "6"]
-    """Half the interval of 95 % from undeclared errors at typical size alone [kg·m²]; but for cross-talk, delay and
-    mounting, which the sums do not tell."""
+    """Part of half the conventional bound from undeclared errors at typical size [kg·m²]; but for cross-talk, delay
+    and mounting, which the sums do not tell."""
     undetermined: tuple[str, ...] = ()
     """Components that the motion so far does not determine."""
 
@@ -204,11 +205,11 @@ def _sums(products: np.ndarray) -> Sums:
 
 
 def _undeclared(sums: RunningSums, inertia: np.ndarray, experiment: Experiment) -> np.ndarray:
-    """Half the interval of 95 % from undeclared errors, (6,) [kg·m²]."""
+    """Half the conventional bound from undeclared errors alone, (6,) [kg·m²]."""
     errors = typical_errors(experiment, largest=(0.0, 0.0))  # the sums do not tell the largest force and moment
     sources = tuple(source for source in sources_in(errors) if source.perturbs != "gyro_delay")
     changes = tensor_changes(_problem(sums, inertia, errors, sources)).values()
-    return NORMAL * np.sqrt(sum((np.sum(change**2, axis=1) for change in changes), np.zeros(6)))
+    return CONVENTIONAL * np.sqrt(sum((np.sum(change**2, axis=1) for change in changes), np.zeros(6)))
 
 
 def _problem(

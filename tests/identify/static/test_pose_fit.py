@@ -135,7 +135,7 @@ def test_the_pose_that_creeps_is_named_and_a_drift_in_all_is_said(generator):
     [
         (lambda c: [], "is no result of `inertia centre`"),
         (lambda c: c | {"kind": "result"}, "is no result of `inertia centre`"),
-        (lambda c: c | {"version": 3}, "is of another version than 2"),
+        (lambda c: c | {"version": 2}, "is of another version than 1"),
         (lambda c: c | {"provenance": "x"}, "provenance of .* is no table"),
         (lambda c: c | {"covariance": [[10**400] * 10] * 10}, "covariance of .* is missing or not finite"),
         (lambda c: c | {"parameters": c["parameters"][::-1]}, "other parameters or units"),

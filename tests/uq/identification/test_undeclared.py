@@ -19,7 +19,7 @@ from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import least_squares
 from uq.experiment.experiment import Experiment
-from uq.identification.undeclared import with_undeclared
+from uq.identification.undeclared import noted, with_undeclared
 from uq.report.certificate.certificate import Certificate
 from uq.report.tables.identification import undeclared_tables
 
@@ -263,11 +263,11 @@ def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
 
 
 def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
-    """Squares of the interval's half and of 2 u of undeclared errors add; with nothing undeclared both are one."""
-    bound, added = by_source.conventional_bound, by_source.undeclared
-    half, of_bound = (np.ptp(ends, axis=1) / 2 for ends in (by_source.interval95, bound))
-    np.testing.assert_allclose(of_bound**2 - half**2, 4 * np.diag(added.covariance)[4:], rtol=1e-5)
-    np.testing.assert_allclose(bound.mean(axis=1), by_source.interval95.mean(axis=1), rtol=1e-9)
+    """Squares of the interval's arms and of 2 u of undeclared errors add; with nothing undeclared both are one."""
+    added, middle = by_source.undeclared, by_source.inertia[:, None]
+    of_interval, of_bound = (ends - middle for ends in (by_source.interval95, by_source.conventional_bound))
+    squares = of_bound**2 - of_interval**2
+    np.testing.assert_allclose(squares, 4 * np.diag(added.covariance)[4:, None] * [1, 1], rtol=1e-5)
     beyond = by_source.with_undeclared.covariance - by_source.parameters.covariance - added.covariance
     np.testing.assert_allclose(np.nan_to_num(beyond), 0, atol=1e-15)
     complete = replace(by_source, undeclared=Undeclared())
@@ -283,6 +283,15 @@ def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(meas
     added = with_undeclared(named, [run_of(measured)], Experiment.from_dict(document(measured, "source"))).undeclared
     name = {"gyro scale": "gyro_scale", "gain": "moment_gain"}[cause]
     assert (name in [effect.name for effect in added.effects]) is kept
+
+
+def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):
+    """Only what is known counts: the mass has no interval."""
+    cause = ResidualCause("gyro scale", "b1", 0.0, "small", changes=(0.0,) * 10)
+    unknown = by_source.parameters.covariance.copy()
+    unknown[0, 0] = np.nan
+    for result in (by_source, changed(by_source, mass=np.nan, covariance_of_ten=unknown)):
+        assert noted(replace(result, consistency=(cause,), warnings=("small",))).warnings == ()
 
 
 def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):

@@ -193,7 +193,7 @@ def test_undeclared_errors_are_those_of_identify(ten_seconds, common):
     run = load_run(common)
     result = with_undeclared(dataclasses.replace(whole(run, experiment), by_held_errors=None), [run], experiment)
     live = estimated(sums_of(common, experiment), experiment).undeclared
-    np.testing.assert_allclose(live, 1.96 * result.undeclared.standard_uncertainty[4:], rtol=0.02)
+    np.testing.assert_allclose(live, 2 * result.undeclared.standard_uncertainty[4:], rtol=0.02)
 
 
 def whole(run, experiment):

@@ -14,7 +14,7 @@ HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"
 """The verdict on a check that is passed."""
 UNDECLARED = "u of undeclared errors at typical size over u of all others, largest"
-"""Name of the check of how far U rests on figures that nobody declared."""
+"""Name of the check of how much U leaves out."""
 
 
 def rows(result: Identification) -> list[list[str]]:

@@ -94,7 +94,7 @@ def mass_and_centre(result: Identification, report: Report) -> Table:
 
 
 def principal(result: Identification, expanded: Expanded) -> list[Table]:
-    """Return the principal moments with U and half the conventional bound, and their axes; – for none determined.
+    """Return the principal moments with U and half-width of the bound, and their axes; – for none determined.
 
     Args:
         result: an identification.
@@ -105,7 +105,7 @@ def principal(result: Identification, expanded: Expanded) -> list[Table]:
     axes = principal_axes(result.inertia, result.covariance)
     # covariances of expanded uncertainties: one U is k times u, and squares of the bound's parts add
     factors = expanded.factor[:, None] * expanded.factor
-    typical = result.with_undeclared.covariance[4:, 4:] - result.covariance
+    typical = np.zeros((6, 6)) if result.undeclared is None else result.undeclared.covariance[4:, 4:]
     halves = [
         principal_axes(result.inertia, covariance).standard_uncertainty
         for covariance in (factors * result.covariance, factors * result.covariance + CONVENTIONAL**2 * typical)
@@ -120,7 +120,7 @@ def principal(result: Identification, expanded: Expanded) -> list[Table]:
         turn = _degrees(angle) if angle <= LARGEST_ANGLE else "–"
         rows.append([str(k + 1), value, *(rounded(half, half) for half in figures), *components, turn])
     note = PRINCIPAL_NOTE + (f" {sentence(axes.note)}" if axes.note else "")
-    head = ["", "value", "U", *["half of the bound"] * has_bound(result), *AXES, "turn, deg"]
+    head = ["", "value", "U", *["half-width of the bound"] * has_bound(result), *AXES, "turn, deg"]
     return [Table("Principal moments, g·m², and their axes", head, rows, note)]
 
 

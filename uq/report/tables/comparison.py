@@ -122,6 +122,6 @@ def _contributions(result: Comparison) -> list[Table]:
 EXPECTED = (
     "Mean and standard deviation are those of the single runs; the deviation is the result's, and E_n is the deviation "
     "over the root of the sum of squares of both expanded uncertainties (k = 2; of the result half its interval of "
-    "95 %, where that is wider): satisfactory up to 1 (ISO 13528). The last column is E_n with the result's second "
-    "interval, which holds undeclared errors at typical size."
+    "95 %, where that is wider): satisfactory up to 1 (ISO 13528). The last column is E_n with the result's "
+    "conventional bound, which holds undeclared errors at typical size."
 )

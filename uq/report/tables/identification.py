@@ -93,19 +93,19 @@ def trust(result: Identification) -> str:
         return "Do not use these figures: the runs contradict what is declared."
     if result.warnings or not all(cause.note for cause in result.consistency):
         return "Read the warnings below before you use these figures."
-    return f"Nothing in the runs contradicts what is declared. {_vouched(result)}"
+    return f"Nothing in the runs contradicts what is declared. {_which_to_use(result)}"
 
 
-def _vouched(result: Identification) -> str:
+def _which_to_use(result: Identification) -> str:
     """Say which of the two to use: the intervals, or the bounds where errors that nobody declared make much of u."""
     if result.undeclared is None:
-        return f"{HOLD}; what undeclared errors add is not known."
+        return f"{INTERVALS_HOLD}; what undeclared errors add is not known."
     share, _ = result.undeclared.share(result.parameters.standard_uncertainty)
     if share <= LARGEST_SHARE:
-        return f"{HOLD}."
+        return f"{INTERVALS_HOLD}."
     return (
         "Use the conventional bounds (k = 2): the 95 % intervals leave out errors that nobody declared, whose u is up "
-        f"to {significant(share, 2)} times theirs."
+        f"to {significant(share, 2)} times that of all others."
     )
 
 
@@ -121,7 +121,7 @@ def bound_texts(result: Identification, intervals: Float[np.ndarray, "10 2"]) ->
         result: with undeclared errors.
         intervals: coverage intervals that they widen [kg, m, kg·m²].
     """
-    bounds = result.undeclared.bounds(intervals) if result.undeclared else intervals
+    bounds = result.undeclared.bounds(result.parameters.values, intervals) if result.undeclared else intervals
     units = [*mass_and_centre.UNITS, *[GRAM_METRE] * 6]
     texts = []
     for ends, unit, largest in zip(bounds, units, _largest(result), strict=True):
@@ -337,7 +337,7 @@ def section(result: Identification) -> Section:
     return section_of(result, assumptions=list(map(sentence, result.assumptions)))
 
 
-HOLD = "The 95 % intervals hold if the assumptions below do"
+INTERVALS_HOLD = "The 95 % intervals hold if the assumptions below do"
 RUNS = "Each component: each run alone, and all together."
 BUDGET = "Contributions to each component's variance: what the runs show (type A) and what is declared (type B)."
 RESIDUALS = (
