@@ -24,12 +24,14 @@ class MedianOfRuns(Method):
         source = estimator_of("source")
         each = np.array([source.fit(replace(problem, runs=(run,))).inertia for run in problem.runs])
         pooled, median = source.fit(problem), np.median(each, axis=0)
-        half = np.sqrt(EFFICIENCY) * (pooled.interval95 - pooled.inertia[:, None])
+        wider = np.sqrt(np.repeat([1.0, EFFICIENCY], [4, 6]))  # the tensor, not mass and centre of gravity
+        ten = pooled.parameters
+        median_of_ten = replace(ten, inertia=median, covariance=ten.covariance * np.outer(wider, wider))
+        arms = wider[:, None] * (pooled.intervals95 - ten.values[:, None])
         return replace(
             pooled,
-            inertia=median,
-            covariance=EFFICIENCY * pooled.covariance,
-            interval95=median[:, None] + half,
+            parameters=median_of_ten,
+            intervals95=median_of_ten.values[:, None] + arms,
             pooling=None,
             method="median_of_runs",
         )

@@ -12,6 +12,7 @@ from identify.results.weak_components import within_bodies
 from identify.rigid_body.principal_axes import is_admissible
 from identify.signals.run import RunError
 from tests.helpers import weak_lab as lab
+from tests.helpers.changed_result import changed
 
 ABOUT_ONE = (0, 1, 0)
 
@@ -61,10 +62,9 @@ def test_an_estimate_near_the_edge_is_no_fault():
     """A plate, 1.5 standard uncertainties inside: the value stays, the intervals end at bodies; no warning."""
     plain = found(lab.swing(30.0), inertia=lab.ROD)
     plate, u = np.array([0.2, 0, 0, 0.2, 0, 0.39]), 4e-3
-    near = dataclasses.replace(
-        plain, inertia=plate, covariance=u**2 * np.eye(6), warnings=(), seen=None,
-        interval95=plate[:, None] + 2 * u * np.array([[-1, 1]]),
-    )  # fmt: skip
+    ends = plate[:, None] + 2 * u * np.array([[-1, 1]])
+    near = dataclasses.replace(plain, warnings=(), seen=None)
+    near = changed(near, inertia=plate, covariance=u**2 * np.eye(6), interval95=ends)
     result = within_bodies(near, [])
     np.testing.assert_array_equal(result.inertia, plate)
     assert result.admissible is not None
