@@ -111,7 +111,7 @@ def main() -> None:
     folders = [Path(argument) for argument in sys.argv[1:]]
     jax.config.update("jax_enable_x64", True)
     print(
-        "| experiment, method | component | first, ± | second, ± | widest | first, ± | second, ± "
+        "| experiment, method | component | interval, ± | bound, ± | widest | interval, ± | bound, ± "
         "| to declare, the largest first |"
     )
     print("|" + "---|" * 8)
