@@ -205,7 +205,7 @@ class Identification(Result):
     def conventional_bounds(self) -> Float[np.ndarray, "10 2"] | None:
         """Coverage intervals of the ten parameters, widened by k = 2 of undeclared errors; None: these are not known.
 
-        Squares of the half-widths add. The bound has no coverage probability: the typical sizes are guesses.
+        Squares of arms add. The bound has no coverage probability: typical sizes are guesses.
         """
         if self.undeclared is None:
             return None
