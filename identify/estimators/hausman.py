@@ -118,8 +118,8 @@ def _difference(
     value = other - weighted.inertia
     by_errors = np.sum([j @ run.by_errors for j, run in zip(by_right, runs, strict=True)], axis=0)
     # what the gyro's noise does to either is stated with it, and says nothing of the weights
-    known = [np.outer(bias, bias) for bias in (weighted.bias, other_bias)]
-    no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + known[0] + known[1]
+    stated = np.outer(weighted.bias, weighted.bias) + np.outer(other_bias, other_bias)
+    no_news = by_errors @ by_errors.T + SMALL**2 * weighted.covariance + stated
     expected = covariance(by_right, by_centre) + no_news
     freedom = max(float(np.min(weighted.together.residual_degrees_of_freedom)), len(value) + 1.0)
     factor = scipy.special.stdtrit(freedom, PROBABILITY)

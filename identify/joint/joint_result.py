@@ -72,11 +72,12 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
         warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor, len({fitted_run.run.mounting for fitted_run in joint_runs}))
-    of_ten = covariance[np.ix_(indices(TEN), indices(TEN))]
+    covariance_of_ten = covariance[np.ix_(indices(TEN), indices(TEN))]
     if not weighed:
-        of_ten[0] = of_ten[:, 0] = 0.0
-        of_ten[0, 0] = np.nan
-    parameters = InertialParameters(float(value[mass]) if weighed else np.nan, value[cg], inertia, of_ten)
+        covariance_of_ten[0] = covariance_of_ten[:, 0] = 0.0
+        covariance_of_ten[0, 0] = np.nan
+    stated_mass = float(value[mass]) if weighed else np.nan
+    parameters = InertialParameters(stated_mass, value[cg], inertia, covariance_of_ten)
     return Identification(
         parameters=parameters, bias=bias,
         intervals95=intervals_of(parameters, np.stack([inertia - half, inertia + half], axis=1), factor),

@@ -52,8 +52,8 @@ class NoiseSpectrum:
         root, vectors = np.sqrt(values[seen]), vectors[:, seen]
         basis = inside @ (scale[:, None] * vectors / root)  # orthonormal over all lines
         excess = products(basis, self.values @ basis - basis)
-        one = np.eye(len(root))
-        middle = np.linalg.inv(one + (excess + excess.T) / 2) - one
+        identity = np.eye(len(root))
+        middle = np.linalg.inv(identity + (excess + excess.T) / 2) - identity
         change = (vectors * root) @ middle @ (vectors / root).T
         return np.asarray(np.eye(len(scale)) + change * scale / scale[:, None])
 

@@ -275,7 +275,7 @@ Prior: some 300 typical sizes: gains that are off by the whole, a gyro turned by
 FREE = 100.0
 """Factor on a named cause's prior size when the rest is judged, so that the prior holds nothing back.
 
-Choice: its prior then holds nothing of it back, which would count as unexplained.
+Choice: any at which the prior hardly counts; what it holds back would count as unexplained.
 """
 MOST = 3
 """Causes that are named of one run.
@@ -311,8 +311,8 @@ class PossibleCause(NamedTuple):
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
         if self.run is None:
             return evidence(base, self.finding, self.size, self.lines, white=white)
-        of_run = base.single_runs[self.run]
-        verdict = evidence(of_run, self.finding, self.size, [self.lines[self.run]], white=white)
+        run_base = base.single_runs[self.run]
+        verdict = evidence(run_base, self.finding, self.size, [self.lines[self.run]], white=white)
         return None if verdict is None else verdict._replace(lines=self.lines)
 
     def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":

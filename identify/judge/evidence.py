@@ -52,7 +52,7 @@ class FittedLines:
     """Measured less predicted force and moment, or the moment alone, with all unknowns at their prior's mean."""
     frequency: Float[np.ndarray, " m"]
     """Frequency of each line [Hz]."""
-    of_run: Float[np.ndarray, "m rows q"]
+    run_columns: Float[np.ndarray, "m rows q"]
     """Change of the residuals by a unit of each of the run's own unknowns."""
     run_precision: Float[np.ndarray, " q"]
     shared: Float[np.ndarray, "m rows s"]
@@ -61,12 +61,12 @@ class FittedLines:
     @cached_property
     def normal(self) -> Float[np.ndarray, "q q"]:
         """Matrix of the normal equations of the run's own unknowns, with their prior."""
-        return products(self.of_run, self.of_run) + np.diag(self.run_precision)
+        return products(self.run_columns, self.run_columns) + np.diag(self.run_precision)
 
     def beside_run(self, columns: Float[np.ndarray, "m rows p"]) -> tuple[np.ndarray, np.ndarray]:
         """Return what the run's own unknowns do not absorb of columns, and by how much they follow each, (q, p)."""
-        follows = np.linalg.solve(self.normal, products(self.of_run, columns))
-        return columns - self.of_run @ follows, follows
+        follows = np.linalg.solve(self.normal, products(self.run_columns, columns))
+        return columns - self.run_columns @ follows, follows
 
     @cached_property
     def reduced(self) -> Float[np.ndarray, "m rows s"]:
@@ -115,7 +115,7 @@ class Base:
     def leverage(self) -> list[np.ndarray]:
         """Part of each residual's noise that the unknowns follow, by run, (m, rows)."""
         by_shared = inverse(self.normal)
-        by_run = [((run.of_run @ inverse(run.normal)) * run.of_run).sum(axis=2) for run in self.runs]
+        by_run = [((run.run_columns @ inverse(run.normal)) * run.run_columns).sum(axis=2) for run in self.runs]
         return [taken + leverage(run.reduced, by_shared) for taken, run in zip(by_run, self.runs, strict=True)]
 
     @cached_property
@@ -145,7 +145,7 @@ class Base:
         """Return the base with each line in units of its noise, whose standard deviation is given."""
         runs = [
             replace(
-                run, departure=run.departure / deviation[:, :, 0], of_run=run.of_run / deviation,
+                run, departure=run.departure / deviation[:, :, 0], run_columns=run.run_columns / deviation,
                 shared=run.shared / deviation,
             )
             for run, deviation in zip(self.runs, noise, strict=True)

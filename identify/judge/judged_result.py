@@ -153,13 +153,9 @@ def with_misfit(result: Identification, changes: Float[np.ndarray, "6 k"]) -> Id
     reach = np.hypot(result.interval95 - middle, 2 * shift[:, None])
     least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
     budget = None if result.budget is None else {**result.budget, MISFIT: shift}
-    covariance = result.parameters.covariance.copy()
-    covariance[4:, 4:] += changes @ changes.T
     ends = np.maximum(middle + reach * [-1, 1], least)
-    return replace(
-        result, parameters=replace(result.parameters, covariance=covariance), budget=budget, misfit=changes,
-        intervals95=np.vstack([result.intervals95[:4], ends]),
-    )  # fmt: skip
+    wider = result.with_tensor_uncertainty(result.covariance + changes @ changes.T, ends)
+    return replace(wider, budget=budget, misfit=changes)
 
 
 class Contribution(NamedTuple):

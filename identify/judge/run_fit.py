@@ -105,6 +105,7 @@ class RunFit:
     @cached_property
     def weights(self) -> Float[np.ndarray, "q q"]:
         """Weights of the equations of least squares beside priors, as the joint estimate takes them."""
+        # residuals are in units of their noise: a floor against rounding is enough
         noise = noise_spectrum(
             self.residuals, self.columns, self.prior.counted, 1e-10 * np.eye(self.residuals.shape[1]),
             inside=len(self.residuals), independent=self.prediction.force_from == "still",
@@ -135,7 +136,8 @@ def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> Base:
     runs = [
         FittedLines(
             departure=fit.residuals + fit.columns @ fit.best, frequency=fit.frequency,
-            of_run=fit.columns[:, :, ~common], run_precision=prior.counted[~common], shared=fit.columns[:, :, common],
+            run_columns=fit.columns[:, :, ~common], run_precision=prior.counted[~common],
+            shared=fit.columns[:, :, common],
         )
         for fit in fits
     ]  # fmt: skip

@@ -229,6 +229,15 @@ class Identification(Result):
             intervals95=self.intervals95 + np.where(np.isfinite(out), out, 0.0)[:, None] * [-1, 1],
         )
 
+    def with_tensor_uncertainty(
+        self, covariance: Float[np.ndarray, "6 6"], interval95: Float[np.ndarray, "6 2"]
+    ) -> "Identification":
+        """Return the result whose tensor has this covariance and these intervals; what is known of the rest stays."""
+        covariance_of_ten = self.parameters.covariance.copy()
+        covariance_of_ten[4:, 4:] = covariance
+        parameters = replace(self.parameters, covariance=covariance_of_ten)
+        return replace(self, parameters=parameters, intervals95=np.vstack([self.intervals95[:4], interval95]))
+
     def with_mass_uncertainty(self, u: float) -> "Identification":
         """Return the result whose mass has this standard uncertainty [kg], and a normal error."""
         covariance, intervals = self.parameters.covariance.copy(), self.intervals95.copy()

@@ -61,8 +61,8 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
             raise RunError(f"what {runs[0].name} determines is physically impossible: check signs, frames and r_CG")
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
     # what is not determined has no covariance with anything, nor lasting errors
-    kept = np.concatenate([np.ones(4), bounded.determined])
-    covariance = result.parameters.covariance * np.outer(kept, kept)
+    determined = np.concatenate([np.ones(4), bounded.determined])
+    covariance = result.parameters.covariance * np.outer(determined, determined)
     covariance[4:, 4:] = covariance_within_bodies(bounded, result.covariance)
     weak = replace(
         result,
@@ -70,7 +70,7 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         intervals95=np.vstack([result.intervals95[:4], bounded.interval95]),
         bias=np.where(bounded.determined, result.bias, np.nan),
         admissible=bounded,
-        lasting={name: effect * kept for name, effect in result.lasting.items()},
+        lasting={name: effect * determined for name, effect in result.lasting.items()},
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
     unusual = bounded.distance > UNUSUAL and not weakness

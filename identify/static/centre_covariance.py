@@ -27,9 +27,9 @@ def with_centre(result: Identification, centre: Centre) -> Identification:
     wider = np.sqrt(np.diag(covariance) / np.maximum(np.diag(result.covariance), 1e-300))
     half = np.diff(result.interval95, axis=1)[:, 0] / 2 * np.where(np.diag(result.covariance) > 0, wider, 1.0)
     by_centre = np.vstack([np.eye(4), np.hstack([np.zeros((6, 1)), jacobian])])
-    of_ten = by_centre @ centre.covariance[:4, :4] @ by_centre.T
-    of_ten[4:, 4:] = covariance
-    parameters = replace(result.parameters, covariance=of_ten)
+    covariance_of_ten = by_centre @ centre.covariance[:4, :4] @ by_centre.T
+    covariance_of_ten[4:, 4:] = covariance
+    parameters = replace(result.parameters, covariance=covariance_of_ten)
     ends = np.stack([result.inertia - half, result.inertia + half], axis=1)
     return replace(
         result,

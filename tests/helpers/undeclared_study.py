@@ -119,10 +119,10 @@ def row(label: str, size: float, runs: Sequence[Mapping[str, Answer]]) -> str:
         truths = np.array([answer.truth for answer in stated])
         intervals = [np.array([getattr(answer, name) for answer in stated]) for name in ("first", "second", "oracle")]
         qualities = [quality(ends, truths) for ends in intervals]
-        _, second, oracle = (interval_score(ends, truths).mean() for ends in intervals)
+        _, bound, exact_size = (interval_score(ends, truths).mean() for ends in intervals)
         cells.append([
-            *(f"{one.held:.0f}" for one in qualities), *(f"{one.error_over_u:.2g}" for one in qualities[:2]),
-            f"{second / oracle:.2f}", *(f"{one.score:.2g}" for one in qualities[:2]),
+            *(f"{each.held:.0f}" for each in qualities), *(f"{each.error_over_u:.2g}" for each in qualities[:2]),
+            f"{bound / exact_size:.2f}", *(f"{each.score:.2g}" for each in qualities[:2]),
             str(sum(map(silent, stated))), str(sum(answer.warned for answer in stated)),
         ])  # fmt: skip
     return " | ".join([f"| {label}", f"{size:g}", str(len(runs)), *map("/".join, zip(*cells, strict=True))]) + " |"

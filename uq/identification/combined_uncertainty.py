@@ -39,12 +39,9 @@ def widened_by_sources(result: Identification, systematic: Systematic) -> Identi
     ends = np.quantile(systematic.common, [0.975, 0.025], axis=0).T
     middle, mean = result.inertia[:, None], systematic.common.mean(axis=0)
     out = np.hypot(result.interval95 - middle, ends - mean[:, None])
-    covariance = result.parameters.covariance.copy()
-    covariance[4:, 4:] += np.cov(systematic.common.T, ddof=1)
+    covariance = result.covariance + np.cov(systematic.common.T, ddof=1)
     return replace(
-        result,
-        parameters=replace(result.parameters, covariance=covariance),
-        intervals95=np.vstack([result.intervals95[:4], middle - mean[:, None] + out * [-1, 1]]),
+        result.with_tensor_uncertainty(covariance, middle - mean[:, None] + out * [-1, 1]),
         bias=result.bias + mean,
         budget={**estimate, **alone},
     )

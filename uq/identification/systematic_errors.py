@@ -145,20 +145,16 @@ def with_declared_sources(
     low, high = combined_interval(together, systematic.common)
     source_covariance = np.cov(systematic.common.T, ddof=1)
     if "r_cg" in redrawn and len({run.mounting for run in result.runs}) > 1:  # each mounting has its own
-        alone = scipy.linalg.block_diag(result.parameters.covariance[:4, :4], result.covariance)
-        result = replace(result, parameters=replace(result.parameters, covariance=alone))
+        uncorrelated = scipy.linalg.block_diag(result.parameters.covariance[:4, :4], result.covariance)
+        result = replace(result, parameters=replace(result.parameters, covariance=uncorrelated))
     else:
         result = _with_shared_errors(result, runs, experiment, redrawn)
-    of_ten = result.parameters.covariance.copy()
-    ten = np.nan_to_num(of_ten)
+    ten = np.nan_to_num(result.parameters.covariance)
     # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
     covariance = with_cross(together.covariance + source_covariance, ten[:4, :4], ten[:4, 4:])
-    of_ten[4:, 4:] = covariance
     ends = result.inertia[:, None] - np.stack([high, low], axis=1)
     with_sources = replace(
-        result,
-        parameters=replace(result.parameters, covariance=of_ten),
-        intervals95=np.vstack([result.intervals95[:4], ends]),
+        result.with_tensor_uncertainty(covariance, ends),
         bias=result.bias + systematic.common.mean(axis=0),
         pooling=together,
         budget=budget_of(together, {name: errors.std(axis=0) for name, errors in systematic.alone.items()}),
@@ -173,7 +169,7 @@ def with_declared_sources(
 
 
 def _centre_by_mounting(result: Identification, experiment: Experiment, redrawn: Collection[str]) -> np.ndarray:
-    """Standard uncertainty by r_CG that each mounting draws, where the result holds it already, not by draws."""
+    """Part of u by r_CG, which each mounting draws, where it is in the result and not drawn."""
     assert result.pooling is not None  # noqa: S101
     names = {source.name for source in experiment.sources if source.perturbs == "r_cg"}
     if result.admissible is None or result.pooling.mountings < 2 or not names & set(redrawn):

@@ -129,11 +129,13 @@ class Refit:
     NAMES = ("residual_noise", "noise_spectrum")
 
     def __init__(self, monkeypatch):
-        self.patch, self.kept = monkeypatch, {}
+        self.patch, self.learnt_weights = monkeypatch, {}
         self.learn = {name: getattr(single_run, name) for name in self.NAMES}
 
     def by_first(self, name):
-        return lambda *arguments, **options: self.kept.setdefault(name, self.learn[name](*arguments, **options))
+        return lambda *arguments, **options: self.learnt_weights.setdefault(
+            name, self.learn[name](*arguments, **options)
+        )
 
     def off(self, plain, measured, **options):
         """By how much the ten parameters move, its weights kept; anew, they move by a tenth of u more at most.
@@ -275,14 +277,14 @@ def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
     assert replace(by_source, undeclared=None).conventional_bound is None
 
 
-@pytest.mark.parametrize(("cause", "kept"), [("gyro scale", False), ("gain", True)])
-def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(measured, cause, kept):
+@pytest.mark.parametrize(("cause", "has_typical_size"), [("gyro scale", False), ("gain", True)])
+def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(measured, cause, has_typical_size):
     """Of a gain the runs tell a part of its six numbers alone."""
     plain = identified(measured)
     named = replace(plain, consistency=(ResidualCause(cause, "b1", 0.5, "", changes=(0.0,) * 10),))
     added = with_undeclared(named, [run_of(measured)], Experiment.from_dict(document(measured, "source"))).undeclared
     name = {"gyro scale": "gyro_scale", "gain": "moment_gain"}[cause]
-    assert (name in [effect.name for effect in added.effects]) is kept
+    assert (name in [effect.name for effect in added.effects]) is has_typical_size
 
 
 def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):

@@ -61,14 +61,14 @@ def open_intervals(result: LawValidation) -> list[str]:
         verdicts = _of_pair(result, *pair)
         few = np.array([undecided(v.law) for v in verdicts])
         if few.any():
-            tolerance, own = (
+            tolerance, resolution = (
                 np.array([getattr(v.law, name) for v in verdicts]) for name in ("tolerance", "resolution")
             )
-            k, c = np.unravel_index(np.argmax(np.where(few, own / tolerance, 0)), few.shape)
+            k, c = np.unravel_index(np.argmax(np.where(few, resolution / tolerance, 0)), few.shape)
             lines.append(
                 f"{', '.join(pair)}: {few.sum()} of {few.size} of the law's intervals stay open, as the number of "
                 f"trials does not decide: the Monte Carlo's own ends, of {COMPONENTS[c]} of {_named(verdicts[k])}, are "
-                f"known to ± {_grams(own[k, c])} g·m², where the tolerance is {_grams(tolerance[k, c])}"
+                f"known to ± {_grams(resolution[k, c])} g·m², where the tolerance is {_grams(tolerance[k, c])}"
             )
     return lines
 
@@ -106,13 +106,13 @@ def _rejected(result: LawValidation, trajectory: str, estimator: str) -> list[st
         for v, row in zip(verdicts, off, strict=True)
         if row.any()
     )
-    distance, own, tolerance = (
+    distance, resolution, tolerance = (
         x[c] for x in (verdicts[k].law.distance, verdicts[k].law.resolution, verdicts[k].law.tolerance)
     )
     return [
         f"{trajectory}, {estimator}: {off.sum()} of {off.size} of the law's {100 * PROBABILITY:g} % intervals are "
         f"rejected (JCGM 101, 8.1): {cases}; the furthest, {COMPONENTS[c]} of {_named(verdicts[k])}, has an end "
-        f"off by {with_uncertainty(GRAM_METRE * distance, GRAM_METRE * own / 2)} g·m², where the tolerance is "
+        f"off by {with_uncertainty(GRAM_METRE * distance, GRAM_METRE * resolution / 2)} g·m², where the tolerance is "
         f"{_grams(tolerance)}"
     ]
 

@@ -76,8 +76,8 @@ def test_a_kind_that_says_nothing_of_the_law_is_refused_by_it():
     class Hum(ErrorKind):
         noise = True
 
-    one = np.ones(3)
-    signal = SignalRange(largest=one, moves=one, variance=one, correlated=False, rests=0 * one, noise=one[None])
+    unit = np.ones(3)
+    signal = SignalRange(largest=unit, moves=unit, variance=unit, correlated=False, rests=0 * unit, noise=unit[None])
     source = of_kind("F", "bias")
     assert "every sample" in Rattle().beyond_the_law(source, signal)
     assert "not white" in Hum().beyond_the_law(source, signal)
