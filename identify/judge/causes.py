@@ -9,7 +9,7 @@ from jaxtyping import Float
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.judge.conventions.convention_fit import drift_shapes
 from identify.judge.evidence import Base, Evidence, evidence
-from identify.judge.findings import Finding
+from identify.judge.findings import Cause
 from identify.judge.run_fit import RunFit
 from identify.judge.typical_sizes import TYPICAL
 from identify.rigid_body.regressor import cross_matrices, cross_matrix
@@ -204,49 +204,49 @@ def _weight(run: PredictedWrench) -> Made:
 
 
 UNKNOWNS = {
-    Finding.DELAY: "delay", Finding.ROTATION: "rotation", Finding.MASS: "mass", Finding.CENTRE: "r_cg",
-    Finding.STILL_MISSED: "cg_from_still",
+    Cause.DELAY: "delay", Cause.ROTATION: "rotation", Cause.MASS: "mass", Cause.CENTRE: "r_cg",
+    Cause.STILL_MISSED: "cg_from_still",
 }  # fmt: skip
 """Causes that are one unknown of the joint model."""
-SIGNALS: dict[Finding, Callable[[PredictedWrench], Made]] = {
-    Finding.DELAY: _unknown(("delay", TYPICAL["delay"])),
-    Finding.ROTATION: _unknown(("rotation", TYPICAL["load_cell_axes"])),
-    Finding.CENTRE: _unknown(("r_cg", TYPICAL["centre_of_gravity"])),
-    Finding.MASS: _mass,
-    Finding.WEIGHT_ALONE: _weight,
-    Finding.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
-    Finding.GYRO_SCALE: _unknown(("gyro_scale", TYPICAL["gyro_scale"])),
-    Finding.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
-    Finding.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, TYPICAL["gyro_axes"])),
-    Finding.GYRO_LATE: _gyro_late,
-    Finding.GYRO_G: _gyro_g,
-    Finding.GAIN: _matrix(lambda i, j: i == j, float(np.hypot(TYPICAL["force_gain"], TYPICAL["force_gain_by_axis"]))),
-    Finding.CROSS_TALK: _matrix(lambda i, j: i != j, TYPICAL["cross_talk"]),
-    Finding.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
-    Finding.WARMING: _warming,
-    Finding.JUMP: _wrench(_jump, 0.02),
-    Finding.SLIP: _slip,
-    Finding.GAIN_DRIFT: _wrench(_gain_drift, 0.005),
-    Finding.CABLE: _wrench(_cable, 0.02),
-    Finding.AIR: _wrench(_air, 0.02),
-    Finding.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
-    Finding.TENSOR: _wrench(_moving, 0.01),
-    Finding.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, TYPICAL["accelerometer_place"])),
-    Finding.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, TYPICAL["accelerometer_scale"])),
-    Finding.ACCELEROMETER_LATE: _accelerometer_late,
-    Finding.CLOCK: _clock,
-    Finding.FILTER: _wrench(_late, 0.02),
-    Finding.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
+SIGNALS: dict[Cause, Callable[[PredictedWrench], Made]] = {
+    Cause.DELAY: _unknown(("delay", TYPICAL["delay"])),
+    Cause.ROTATION: _unknown(("rotation", TYPICAL["load_cell_axes"])),
+    Cause.CENTRE: _unknown(("r_cg", TYPICAL["centre_of_gravity"])),
+    Cause.MASS: _mass,
+    Cause.WEIGHT_ALONE: _weight,
+    Cause.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
+    Cause.GYRO_SCALE: _unknown(("gyro_scale", TYPICAL["gyro_scale"])),
+    Cause.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
+    Cause.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, TYPICAL["gyro_axes"])),
+    Cause.GYRO_LATE: _gyro_late,
+    Cause.GYRO_G: _gyro_g,
+    Cause.GAIN: _matrix(lambda i, j: i == j, float(np.hypot(TYPICAL["force_gain"], TYPICAL["force_gain_by_axis"]))),
+    Cause.CROSS_TALK: _matrix(lambda i, j: i != j, TYPICAL["cross_talk"]),
+    Cause.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
+    Cause.WARMING: _warming,
+    Cause.JUMP: _wrench(_jump, 0.02),
+    Cause.SLIP: _slip,
+    Cause.GAIN_DRIFT: _wrench(_gain_drift, 0.005),
+    Cause.CABLE: _wrench(_cable, 0.02),
+    Cause.AIR: _wrench(_air, 0.02),
+    Cause.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
+    Cause.TENSOR: _wrench(_moving, 0.01),
+    Cause.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, TYPICAL["accelerometer_place"])),
+    Cause.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, TYPICAL["accelerometer_scale"])),
+    Cause.ACCELEROMETER_LATE: _accelerometer_late,
+    Cause.CLOCK: _clock,
+    Cause.FILTER: _wrench(_late, 0.02),
+    Cause.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
 }
 """Functions that make the signals of each cause, for coefficients in SI, and their typical sizes."""
 OF_A_RUN = frozenset(
-    {Finding.GYRO_BIAS, Finding.DRIFT, Finding.WARMING, Finding.JUMP, Finding.SLIP, Finding.GAIN_DRIFT, Finding.CABLE,
-     Finding.TENSOR, Finding.CLOCK}
+    {Cause.GYRO_BIAS, Cause.DRIFT, Cause.WARMING, Cause.JUMP, Cause.SLIP, Cause.GAIN_DRIFT, Cause.CABLE,
+     Cause.TENSOR, Cause.CLOCK}
 )  # fmt: skip
 """Causes that belong to a run and are judged in it; all others belong to the rig and have one value in all runs."""
-IN_FLIGHT = frozenset({Finding.CENTRE, Finding.SLIP, Finding.CABLE, Finding.FLEXIBLE_MOUNTING})
+IN_FLIGHT = frozenset({Cause.CENTRE, Cause.SLIP, Cause.CABLE, Cause.FLEXIBLE_MOUNTING})
 """Causes that need a mounting, or weight: no body in free flight has them."""
-OF_A_ZERO = frozenset({Finding.DRIFT, Finding.WARMING, Finding.JUMP})
+OF_A_ZERO = frozenset({Cause.DRIFT, Cause.WARMING, Cause.JUMP})
 """Causes that need a load cell's zero."""
 
 
@@ -297,7 +297,7 @@ Choice: less may be an error of linearisation of the first.
 class PossibleCause(NamedTuple):
     """A cause in the runs that would have it."""
 
-    finding: Finding
+    finding: Cause
     run: int | None
     """Index of the run to which it belongs; None: it belongs to the rig, and all runs have it."""
     size: Float[np.ndarray, " p"]
@@ -330,7 +330,7 @@ class PossibleCause(NamedTuple):
         return min([more.chance for more in further if more is not None], default=1.0) * len(further) > UNLIKE
 
 
-def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[PossibleCause]:
+def candidates(fits: Sequence[RunFit], excluded: frozenset[Cause]) -> list[PossibleCause]:
     """Return the causes to look for.
 
     Args:
@@ -346,7 +346,7 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[Finding]) -> list[Pos
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(finding: Finding, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
+def _candidate(finding: Cause, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
     """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
     having = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in having], axis=0)
@@ -443,7 +443,7 @@ def _as_probable(cause: FollowedCause, best: FollowedCause) -> bool:
     return by_prior_alone or abs(first.logarithm - rival.logarithm) < LIKELY
 
 
-def followed(fits: Sequence[RunFit], excluded: frozenset[Finding], base: Base) -> Judgement:
+def followed(fits: Sequence[RunFit], excluded: frozenset[Cause], base: Base) -> Judgement:
     """Return the causes that the residuals of all runs follow, and how much more than noise they leave in each.
 
     Args:

@@ -84,8 +84,29 @@ class Contradiction(NamedTuple):
     text: str
 
 
-class Finding(Enum):
-    """A finding: its label, the pattern of its text, the cure, and the function that writes a cause's size into it."""
+class _Words:
+    """Label, pattern of the text and cure of what the judge may name."""
+
+    def __init__(self, label: str, pattern: str, cure: str, write_size: Size | None = None) -> None:
+        """Name the parts of the member's value."""
+        self.label, self.pattern, self.cure, self.write_size = label, pattern, cure, write_size
+
+    @property
+    def docs(self) -> str:
+        """Page and anchor of the documentation on it."""
+        return f"{PAGE}#{self.label.replace(' ', '-')}"
+
+    def verdict(
+        self, run: str, *, axis: str, share: float, text: str, changes: tuple[float, ...] = ()
+    ) -> ResidualCause:
+        """Return the finding on a run, in these words, with what it would add to the ten parameters."""
+        return ResidualCause(
+            cause=self.label, axis=axis, share=share, text=text, run=run, changes=changes, docs=self.docs
+        )
+
+
+class Cause(_Words, Enum):
+    """An error that runs may follow: its label, pattern of its text, cure, and the function that writes its size."""
 
     DELAY = "delay", "the angular velocity lagged by {}", "declare the delay" + ESTIMATED, _all(1e3, "ms")
     ROTATION = (
@@ -149,6 +170,19 @@ class Finding(Enum):
         "accelerometer delay", "the accelerometer lagged behind the gyro by {}",
         "set accelerometer_delay in [recording], or give both the same filter", _all(1e3, "ms")
     )  # fmt: skip
+    CLOCK = "clock", "the IMU's clock drifted by {} over the run", "check the stamps", _first(1e3, "ms")
+    FILTER = "filter", "{}", "give both sensors the same filter, or declare the delay" + ESTIMATED, _lateness
+    NONLINEARITY = "nonlinearity", "the load cell were not linear", "use its calibration, or load it less"
+
+    def phrase(self, values: Float[np.ndarray, " p"], spread: Float[np.ndarray, " p"]) -> str:
+        """Return what a run looks like by a cause's coefficients, in SI, with their standard uncertainties."""
+        written = "" if self.write_size is None else self.write_size(values, spread)
+        return f"as if {self.pattern.format(written)} ({self.label})"
+
+
+class Finding(_Words, Enum):
+    """A finding that is no error with a size: its label, the pattern of its text, and the cure."""
+
     ACCELEROMETER_DELAYED = (
         "accelerometer delay", "force and gyro fit only an accelerometer that lags behind them by {delay} ms",
         'set accelerometer_delay = "{delay} ms" in [recording], or give both the same filter'
@@ -157,9 +191,6 @@ class Finding(Enum):
         "clock", "by the log's times the stamps of the motion are {offset} s {early} against the wrench's{doubt}",
         'two computers? set time = "log" in [recording]{lines}'
     )  # fmt: skip
-    CLOCK = "clock", "the IMU's clock drifted by {} over the run", "check the stamps", _first(1e3, "ms")
-    FILTER = "filter", "{}", "give both sensors the same filter, or declare the delay" + ESTIMATED, _lateness
-    NONLINEARITY = "nonlinearity", "the load cell were not linear", "use its calibration, or load it less"
     RESONANCE = (
         "resonance", "the {quantity} on {axis} vibrates at about {frequency} Hz, {size} rms",
         "stiffen or damp what vibrates"
@@ -307,28 +338,6 @@ class Finding(Enum):
         "is the moment about another point than Q? set wrench_point = [{where}] in [recording]{unknown}, or correct "
         "body.r_cg_from_q{doubt}"
     )  # fmt: skip
-
-    def __init__(self, label: str, pattern: str, cure: str, write_size: Size | None = None) -> None:
-        """Name the parts of the member's value."""
-        self.label, self.pattern, self.cure, self.write_size = label, pattern, cure, write_size
-
-    def phrase(self, values: Float[np.ndarray, " p"], spread: Float[np.ndarray, " p"]) -> str:
-        """Return what a run looks like by a cause's coefficients, in SI, with their standard uncertainties."""
-        written = "" if self.write_size is None else self.write_size(values, spread)
-        return f"as if {self.pattern.format(written)} ({self.label})"
-
-    @property
-    def docs(self) -> str:
-        """Page and anchor of the documentation on it."""
-        return f"{PAGE}#{self.label.replace(' ', '-')}"
-
-    def verdict(
-        self, run: str, *, axis: str, share: float, text: str, changes: tuple[float, ...] = ()
-    ) -> ResidualCause:
-        """Return the finding on a run, in these words, with what it would add to the ten parameters."""
-        return ResidualCause(
-            cause=self.label, axis=axis, share=share, text=text, run=run, changes=changes, docs=self.docs
-        )
 
     def cause(self, run: str, *, axis: str, share: float, adds: str = "", **figures: object) -> ResidualCause:
         """Return the finding on a run, with the figures that its pattern names.

@@ -19,7 +19,7 @@ from identify.joint.predicted_wrench import Columns, PredictedWrench
 from identify.joint.prior_departure import FAR, declaration, departures
 from identify.joint.priors import STATIC, indices
 from identify.judge.causes import FollowedCause, accelerometer_place, accelerometer_scale, derivative, gyro_axes
-from identify.judge.findings import Finding
+from identify.judge.findings import Cause
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.judge.typical_sizes import TYPICAL
 from identify.methods.base import Problem
@@ -135,13 +135,13 @@ Prior: typical gains of force and accelerometer, error of gravity and of a scale
 """
 
 
-def exact_quantities(problem: Problem) -> dict[Finding, str]:
+def exact_quantities(problem: Problem) -> dict[Cause, str]:
     """Return the unknowns that are declared without a standard uncertainty, by the finding that blames them."""
     exact = {}
     if problem.centre is None and problem.mass is not None and not problem.mass_uncertainty:
-        exact[Finding.MASS] = "mass"
+        exact[Cause.MASS] = "mass"
     if problem.centre is None and not problem.sigma_r_cg.any():
-        exact[Finding.CENTRE] = "r_cg"
+        exact[Cause.CENTRE] = "r_cg"
     return exact
 
 

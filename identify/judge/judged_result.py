@@ -16,7 +16,7 @@ from identify.joint.priors import root_of
 from identify.judge import held_errors
 from identify.judge.causes import IN_FLIGHT, OF_A_ZERO, UNKNOWNS, FollowedCause, Judgement, followed, gyro_axes
 from identify.judge.evidence import Base
-from identify.judge.findings import MATTERS, ROUNDING, Finding, signed
+from identify.judge.findings import MATTERS, ROUNDING, Cause, Finding, signed
 from identify.judge.held_errors import GYRO, by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
 from identify.judge.resonance import lines_of, resonance, saturated
@@ -63,7 +63,7 @@ Choice: what fits a line; ``result.json`` has all.
 """
 PLACES = ("r_cg", "cg_from_still")
 """Unknowns that tell where the centre of gravity is."""
-ACCELEROMETER_CAUSES = frozenset({Finding.ACCELEROMETER_PLACE, Finding.ACCELEROMETER_SCALE, Finding.ACCELEROMETER_LATE})
+ACCELEROMETER_CAUSES = frozenset({Cause.ACCELEROMETER_PLACE, Cause.ACCELEROMETER_SCALE, Cause.ACCELEROMETER_LATE})
 
 
 def judged(result: Identification, problem: Problem) -> Identification:
@@ -180,9 +180,9 @@ class JudgedRuns:
     """Fit of each run, by the first way to have its specific force."""
     last: JudgedWay
     """The last way."""
-    named: Mapping[Finding, Sequence[FollowedCause]]
+    named: Mapping[Cause, Sequence[FollowedCause]]
     """Causes by finding, where each shows most first."""
-    ways: Mapping[Finding, JudgedWay]
+    ways: Mapping[Cause, JudgedWay]
     """Last way whose judgement names each cause."""
     judgement: Judgement
     """Judgement by the way that leaves the least unexplained."""
@@ -199,14 +199,14 @@ class JudgedRuns:
         return np.where(np.isfinite(u), u, 0.0)
 
     @cached_property
-    def exact(self) -> dict[Finding, str]:
+    def exact(self) -> dict[Cause, str]:
         """Quantities that count as exact, by the finding that blames them."""
         return held_errors.exact_quantities(self.problem)
 
     @property
     def errors_of_force(self) -> list[FollowedCause]:
         """Errors of exact quantities, or of the weight, that have no rival."""
-        blamed = {*self.exact, Finding.WEIGHT_ALONE}
+        blamed = {*self.exact, Cause.WEIGHT_ALONE}
         return [causes[0] for finding, causes in self.named.items() if finding in blamed and not causes[0].rivals]
 
     def contributions(self) -> list[Contribution]:
@@ -236,7 +236,7 @@ class JudgedRuns:
         ratio = np.abs(changes) / self.u.clip(1e-300)
         return int(np.argmax(ratio)), float(ratio.max())
 
-    def _of_cause(self, finding: Finding, causes: Sequence[FollowedCause]) -> list[Contribution]:
+    def _of_cause(self, finding: Cause, causes: Sequence[FollowedCause]) -> list[Contribution]:
         """A cause in all its runs; none where it neither moves the tensor nor explains much."""
         pairs = [(self.effects(cause), cause.evidence) for cause in causes]
         changes = np.sum([by @ evidence.coefficients for by, evidence in pairs], axis=0)
@@ -255,7 +255,7 @@ class JudgedRuns:
         verdict = finding.verdict(
             ", ".join(where), axis=f"b{1 + int(np.argmax((leading.explained**2).sum(axis=0)[-3:]))}",
             share=leading.share,
-            changes=() if departs and finding is Finding.ACCELEROMETER_LATE else tuple(changes.tolist()),
+            changes=() if departs and finding is Cause.ACCELEROMETER_LATE else tuple(changes.tolist()),
             text=f"{named_runs(where, self.count)}: {sentence}{moves}{others}",
         )  # fmt: skip
         uncertain = [by[4:] @ root_of(evidence.covariance) for by, evidence in pairs]
@@ -343,7 +343,7 @@ def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> B
     return base.absorbing(turns) if axes.size else base
 
 
-def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[Finding]:
+def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[Cause]:
     """Causes that the experiment excludes, or of which nothing is declared, so that they are no news."""
     free = _undeclared(problem, result)
     excluded = {finding for finding, unknown in UNKNOWNS.items() if unknown in free}
@@ -397,13 +397,13 @@ def unexplained_once(contributions: Sequence[Contribution]) -> list[Contribution
     return [Contribution(unexplained[0].finding, np.hstack([part.changes for part in unexplained])), *others]
 
 
-def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Finding, list[FollowedCause]]:
+def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Cause, list[FollowedCause]]:
     """Causes of the first judgement that names any which can err in the result; the run where each shows most first."""
     others = ACCELEROMETER_CAUSES if result.method != "joint" else ()
-    if any(cause.candidate.finding is Finding.WEIGHT_ALONE for cause in judgements[-1].causes):
+    if any(cause.candidate.finding is Cause.WEIGHT_ALONE for cause in judgements[-1].causes):
         judgements = judgements[-1:]  # the accelerometer tells it from the mass, a point at rest does not
     for judgement in judgements:
-        named: dict[Finding, list[FollowedCause]] = {}
+        named: dict[Cause, list[FollowedCause]] = {}
         for cause in judgement.causes:
             if cause.candidate.finding not in others:
                 named.setdefault(cause.candidate.finding, []).append(cause)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.judge.evidence import Base, Evidence
-from identify.judge.findings import ROUNDING, Finding, signed
+from identify.judge.findings import ROUNDING, Cause, signed
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -81,9 +81,9 @@ def _beside(kg: float, run: PredictedWrench) -> Rival:
     )  # fmt: skip
 
 
-MADE: dict[Finding, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
-    Finding.ROTATION: _of_rotation,
-    Finding.MASS: _of_mass,
+MADE: dict[Cause, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
+    Cause.ROTATION: _of_rotation,
+    Cause.MASS: _of_mass,
 }
 """Functions that make the rivals of a cause, by its coefficients in SI."""
 

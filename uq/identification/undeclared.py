@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
-from identify.judge.findings import Finding
+from identify.judge.findings import Cause
 from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
@@ -40,8 +40,8 @@ Price: stated as such. What a result takes as exact is not widened: there the bo
 REPLACED_BY_CAUSE = {
     finding.label: name
     for finding, name in (
-        (Finding.GYRO_SCALE, "gyro_scale"), (Finding.GYRO_AXES, "gyro_axes"), (Finding.DELAY, "delay"),
-        (Finding.ACCELEROMETER_PLACE, "accelerometer_place"), (Finding.ACCELEROMETER_SCALE, "accelerometer_scale"),
+        (Cause.GYRO_SCALE, "gyro_scale"), (Cause.GYRO_AXES, "gyro_axes"), (Cause.DELAY, "delay"),
+        (Cause.ACCELEROMETER_PLACE, "accelerometer_place"), (Cause.ACCELEROMETER_SCALE, "accelerometer_scale"),
     )
 }  # fmt: skip
 """Errors whose value in the runs, with its uncertainty, takes the place of their typical size in the tensor.

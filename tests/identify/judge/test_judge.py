@@ -9,7 +9,7 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.judge import judged_fits
-from identify.judge.findings import Finding
+from identify.judge.findings import Cause, Finding
 from identify.judge.resonance import saturated
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified, run_of
@@ -151,10 +151,10 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
     ],
 )
 def test_who_came_late_is_said_without_a_minus(late, words):
-    assert Finding.FILTER.phrase(np.full(2, late), np.full(2, 1e-4)) == words
-    assert "declare the delay, or let method joint estimate it" in Finding.FILTER.cure
+    assert Cause.FILTER.phrase(np.full(2, late), np.full(2, 1e-4)) == words
+    assert "declare the delay, or let method joint estimate it" in Cause.FILTER.cure
 
 
 def test_the_docs_name_every_finding():
     table = (Path(__file__).parents[3] / "docs" / "explanation" / "troubles.md").read_text("utf-8")
-    assert [finding.label for finding in Finding if f"`{finding.label}`" not in table] == []
+    assert [finding.label for finding in (*Cause, *Finding) if f"`{finding.label}`" not in table] == []
