@@ -16,7 +16,7 @@ from identify.methods import names
 from identify.methods.base import Problem, estimator_of
 from identify.results.covariances import checked
 from identify.results.discordance import misnamed_mountings
-from identify.results.identification_result import Identification, covering_bias
+from identify.results.identification_result import Identification
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
@@ -112,9 +112,19 @@ def identify(
         result = estimator_of(method).fit(problem)
         others = [text for text in result.warnings if not text.startswith(RUNS_SCATTER)]  # no news beside this
         result = replace(result, warnings=(misnamed, *others))
-    result = judged(covering_bias(result, result.bias), problem)
-    result = replace(result, warnings=(*_unit_warnings(result, problem.runs), *result.warnings))
-    return checked(_validated(result, problem) if validate else result)
+    judgement = judged(result, problem)
+    result = result.joined(
+        judgement.rows,
+        consistency=(*result.consistency, *judgement.causes),
+        declarations=judgement.declarations,
+        warnings=(*_unit_warnings(result, problem.runs), *judgement.warnings),
+        by_held_errors=judgement.by_held_errors,
+    )
+    if validate:
+        validation = held_out(problem, result)
+        failed = () if validation.explained else (validation.text,)
+        result = result.joined(validation=validation, warnings=(*result.warnings, *failed))
+    return checked(result)
 
 
 def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ...]:
@@ -133,13 +143,6 @@ def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ..
         cause = f"over {WIDEST:g} m wide: is the moment in N·mm, or was the cell zeroed with the body on it?"
         return (f"the tensor is too large for {mass:.3g} kg, {cause}",)
     return ()
-
-
-def _validated(result: Identification, problem: Problem) -> Identification:
-    """A result with the prediction of what was held out, and a warning where that fails."""
-    validation = held_out(problem, result)
-    failed = () if validation.explained else (validation.text,)
-    return replace(result, validation=validation, warnings=(*result.warnings, *failed))
 
 
 def _checked(

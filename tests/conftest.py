@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests.helpers.changed_result import not_judged
 from uq.files.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
@@ -159,4 +160,4 @@ def undrawn():
 @pytest.fixture
 def unjudged(monkeypatch):
     """Estimates without the check of the model, most of their time: for repeats of clean runs, where intervals are tested."""
-    monkeypatch.setattr("identify.identification.judged", lambda result, problem: result)
+    monkeypatch.setattr("identify.identification.judged", not_judged)

@@ -178,7 +178,7 @@ def test_both_routes_bring_the_same_run(tmp_path):
     np.testing.assert_allclose(by_files.inertia, direct.inertia, atol=0.2 * u.min())
     for result in (direct, by_files):
         assert (np.abs(result.inertia - run.truth) < 3 * result.standard_uncertainty).all()
-    assert {"r_cg", "gyro_zero"} <= set(by_files.budget)
+    assert {"r_cg", "gyro_zero"} <= set(by_files.contributions)
     still = laboratory_files.document(measure(0, SILENT, still=True))["recording"]
     lever = laboratory_files.document(measure(0, SILENT))["recording"]
     assert (still.get("cg_motion"), lever.get("cg_motion")) == ("still", None)

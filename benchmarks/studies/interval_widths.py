@@ -15,7 +15,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from identify.results.undeclared import Undeclared
+from identify.results.ledger import Undeclared
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rounding import significant
 from uq.campaign.simulation import simulate
@@ -94,7 +94,7 @@ def row(
 
 def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
     """Return the errors to declare, the largest first, until the bound is at most a tenth wider."""
-    effects, names = list(undeclared.effects), list[str]()
+    effects, names = list(undeclared.rows), list[str]()
     while effects:
         ratio = Undeclared(tuple(effects)).half_width(half)[looked_at] / half[looked_at]
         parameter = int(np.argmax(ratio))

@@ -15,11 +15,14 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.estimators.covariance_matrices import root_of
 from identify.estimators.run_information import Excitation, Information, excitation
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import by_component
 from identify.signals.run import RunError
 
+NORMAL = 1.959963984540054
+"""Coverage factor of 95 % of a normal distribution."""
 PROBABILITY = 0.975
 """Probability below the upper end of a two-sided interval of 95 %."""
 LEAST_EXCESS = 2.0
@@ -43,6 +46,17 @@ def scatter_warning(ratio: float, mountings: int, where: str = "") -> str:
         return f"the mountings scatter {ratio:.1f} times more than noise and sources explain{where}: {cure}"
     cure = "find out what changed; if the body was taken off in between, name the mountings"
     return f"{RUNS_SCATTER} {ratio:.1f} times more than their own noise explains{where}: {cure}"
+
+
+LEAST_FREEDOM = 0.2
+"""Least degrees of freedom that a coverage factor is traced back to; below, the factor exceeds 1e6."""
+
+
+def student_freedom(factor: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the degrees of freedom of which Student's t has these coverage factors of 95 %; infinity for 1.96."""
+    student = factor > NORMAL * (1 + 1e-4)
+    freedom = scipy.special.stdtridf(PROBABILITY, np.where(student & np.isfinite(factor), factor, 2.0))
+    return np.where(student & np.isfinite(factor), np.maximum(freedom, LEAST_FREEDOM), np.inf)
 
 
 @dataclass(frozen=True)
@@ -121,10 +135,31 @@ class Pooling:
         return (scatter_warning(float(excess[beyond].max()), self.mountings, f" in {names}"),)
 
     @property
+    def _predicted(self) -> np.ndarray:
+        return self.from_residuals + np.diag(self.from_redrawn_sources**2)
+
+    @property
+    def beyond_prediction(self) -> Float[np.ndarray, "6 k"]:
+        """Changes of the tensor by independent errors that the scatter shows beyond what is predicted [kg·m²].
+
+        They are correlated as what is predicted.
+        """
+        return np.sqrt(self.excess**2 - 1)[:, None] * root_of(self._predicted)
+
+    @property
     def covariance(self) -> np.ndarray:
         """Type A covariance: of the residuals, widened on each component to what the scatter shows [(kg·m²)²]."""
-        predicted = self.from_residuals + np.diag(self.from_redrawn_sources**2)
-        return predicted * np.outer(self.excess, self.excess)
+        return self._predicted + self.beyond_prediction @ self.beyond_prediction.T
+
+    @property
+    def effective_degrees_of_freedom(self) -> np.ndarray:
+        """Degrees of freedom of which Student's t of the standard uncertainty has the half-width; by component.
+
+        Those of the type A error, but where few runs scatter less than is predicted and their t is the wider.
+        """
+        u = np.sqrt(np.diag(self.covariance))
+        factor = np.divide(self.half_width, u, out=np.full(6, NORMAL), where=u > 0)
+        return np.where(np.isclose(self.scale, u, rtol=1e-12), self.degrees_of_freedom, student_freedom(factor))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m²."""
@@ -213,8 +248,6 @@ def _between(runs: Sequence[Repeat], labels: Sequence[str]) -> np.ndarray | None
     return np.std(means, axis=0, ddof=1) if len(means) > 1 else None
 
 
-NORMAL = 1.959963984540054
-"""Coverage factor of 95 % of a normal distribution."""
 CLEAR = 0.01
 """Part of a component in what is not excited that counts as none."""
 

@@ -8,6 +8,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.choices import OffsetChoice
+from identify.estimators.covariance_matrices import root_of
 from identify.estimators.offsets import Offsets
 from identify.estimators.pooling import LEAST_EXCESS, scatter_warning
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce
@@ -17,12 +18,12 @@ from identify.joint.prior_departure import departures
 from identify.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, indices
 from identify.joint.single_run import JointRun, alpha_noise_gain
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
-from identify.results.identification_result import Identification, intervals_of
+from identify.results.identification_result import RESIDUALS, Identification
+from identify.results.ledger import Ledger, Row
 from identify.results.mass_and_centre import ESTIMATED
 from identify.results.run_estimate import RunEstimate
 from identify.results.weak_components import contradicts_bodies
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.regressor import cross_matrix
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
@@ -55,7 +56,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     by_residuals = float(np.sum([fitted_run.degrees_of_freedom for fitted_run in joint_runs]))
     freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else by_residuals
     factor = float(scipy.special.stdtrit(freedom, 0.975))
-    tensor, cg, mass = SLICES["inertia"], SLICES["r_cg"], SLICES["mass"].start
+    tensor, mass = SLICES["inertia"], SLICES["mass"].start
     value, covariance = pooled.theta[0], pooled.covariance
     inertia, effects = value[tensor], _effects_of_axes(pooled, setting)
     half = factor * np.sqrt(np.diag(covariance)[tensor])
@@ -72,22 +73,22 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
         warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor, len({fitted_run.run.mounting for fitted_run in joint_runs}))
-    covariance_of_ten = covariance[np.ix_(indices(TEN), indices(TEN))]
+    rows = _rows(pooled, setting, prior.covariance, effects)
+    ten = value[indices(TEN)]
     if not weighed:
-        covariance_of_ten[0] = covariance_of_ten[:, 0] = 0.0
-        covariance_of_ten[0, 0] = np.nan
-    stated_mass = float(value[mass]) if weighed else np.nan
-    parameters = InertialParameters(stated_mass, value[cg], inertia, covariance_of_ten)
+        ten[0], without_mass = np.nan, (np.arange(10) > 0)[:, None].astype(float)
+        rows = [row.changed(without_mass) for row in rows]
     return Identification(
-        parameters=parameters, bias=bias,
-        intervals95=intervals_of(parameters, np.stack([inertia - half, inertia + half], axis=1), factor),
+        value=ten,
+        ledger=Ledger(
+            tuple(replace(row, degrees_of_freedom=freedom) for row in rows), np.concatenate([np.zeros(4), bias])
+        ),
         estimator=EstimatorSpec(f"joint, band {setting.band:.3g} Hz", "savitzky-golay", setting.band),
         runs=tuple(map(_run_estimate, joint_runs, pooled.theta)), warnings=tuple(warnings),
         assumptions=_assumptions(setting.specific_force, len(joint_runs)),
         diagnostics=_diagnostics(joint_runs, pooled, factor),
         method="joint", delay=delay, rotation=rotation, offsets=offsets,
-        budget=_budget(pooled, setting, prior.covariance, effects), centre_from=ESTIMATED,
-        lasting=_lasting(pooled, setting, effects), declarations=declarations,
+        centre_from=ESTIMATED, declarations=declarations,
     )  # fmt: skip
 
 
@@ -105,33 +106,44 @@ GROUPS = {
 """Unknowns of each prior that a budget names, beside the priors of declared errors."""
 
 
-def _budget(
+def _rows(
     pooled: PooledJoint, setting: Setting, prior_covariance: np.ndarray, effects: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Contributions to the standard uncertainty of each component [kg·m²]: residuals, priors, declared errors."""
-    tensor, declared = SLICES["inertia"], {error.unknown for error in setting.errors.values()}
-
-    def contribution(names: Sequence[str], covariance: np.ndarray) -> np.ndarray:
-        gain = pooled.by_prior[tensor][:, indices(names)]
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gain, covariance, gain), 0.0))
-
+) -> list[Row]:
+    """Rows of priors and declared errors, and of what the residuals show beside them."""
+    declared = {error.unknown for error in setting.errors.values()}
     grouped = dict.fromkeys(("mass", "centre of gravity", "offsets"), ()) | {"static poses": STATIC}
     named = GROUPS | (grouped if calibrated(setting.blocks) else {})
-    groups = {name: [unknown for unknown in members if unknown not in declared] for name, members in named.items()}
-    error_effects = {name: [effects[f"{name} {k + 1}"][4:] for k in range(error.axes.shape[1])]
-                     for name, error in setting.errors.items() if error.shared}  # fmt: skip
-    in_poses = [setting.lasting[name] for name in effects if name in setting.lasting]
-    lasting = np.array(in_poses).reshape(-1, 10).T
-    rows = {}
-    for name, group in groups.items():
+    rows = _lasting_rows(pooled, setting, effects)
+    in_poses = sum((effect[:, None] * effect for effect in setting.lasting.values()), np.zeros((10, 10)))
+    for name, members in named.items():
+        group = [unknown for unknown in members if unknown not in declared]
         if group:
             block = prior_covariance[np.ix_(indices(group), indices(group))]
-            rows[name] = contribution(group, block - lasting @ lasting.T if name == "static poses" else block)
-    rows |= {name: np.sqrt(np.square(axes).sum(axis=0)) for name, axes in error_effects.items()}
-    rows["drawn by mounting"] = np.sqrt(np.diag(pooled.from_mountings)[tensor])
-    total = np.diag(pooled.covariance)[tensor]
-    residuals = np.sqrt(np.maximum(total - sum(row**2 for row in rows.values()), 0.0))
-    return {"residuals": residuals} | {name: row for name, row in rows.items() if row.any()}
+            root = root_of(block - in_poses, block) if name == "static poses" else root_of(block)
+            rows.append(Row(error=name, changes=pooled.by_prior[np.ix_(indices(TEN), indices(group))] @ root))
+    for name, error in setting.errors.items():
+        if error.shared and name not in {row.key for row in rows}:
+            columns = [effects[f"{name} {k + 1}"] for k in range(error.axes.shape[1])]
+            rows.append(Row(error=name, changes=np.transpose(columns)))
+    from_mountings = pooled.from_mountings[np.ix_(indices(TEN), indices(TEN))]
+    rows.append(Row(error="drawn by mounting", changes=root_of(from_mountings)))
+    rows = [row for row in rows if row.changes.any()]
+    total = pooled.covariance[np.ix_(indices(TEN), indices(TEN))]
+    remaining = root_of(total - Ledger(tuple(rows)).covariance, total)
+    residuals = Row(error=RESIDUALS, changes=remaining, tier="measured", evaluation="A")
+    return [residuals, *rows]
+
+
+def _lasting_rows(pooled: PooledJoint, setting: Setting, effects: Mapping[str, np.ndarray]) -> list[Row]:
+    """Rows of errors that the static poses had, too, and that are the same in another body's result."""
+    by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
+    columns: dict[str, list[np.ndarray]] = {}
+    for label, effect in setting.lasting.items():
+        columns.setdefault(label.rpartition(" ")[0], []).append(effects.get(label, by_static @ effect))
+    return [
+        Row(error="static poses" if " " in key else key, changes=np.transpose(parts), key=key)
+        for key, parts in columns.items()
+    ]
 
 
 def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndarray]:
@@ -146,12 +158,6 @@ def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndar
         name: by_static @ setting.lasting.get(name, np.zeros(10)) - by_prior[:, indices([unknown])] @ axis
         for name, (unknown, axis) in axes_of(shared).items()
     }
-
-
-def _lasting(pooled: PooledJoint, setting: Setting, effects: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the prior's errors of the ten parameters, (10,) each, that are the same in another body's result."""
-    by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
-    return {name: effects.get(name, by_static @ effect) for name, effect in setting.lasting.items()}
 
 
 def _aligned(pooled: PooledJoint, name: str, factor: float) -> Aligned:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimators.covariance_matrices import root_of
 from identify.estimators.declared_effects import DeclaredError
 from identify.joint.joint_model import COUNT, SIZES, SLICES, WANDER, SpecificForce
 from identify.signals.run import RunError
@@ -232,11 +233,3 @@ def run_prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
 def indices(names: Iterable[str]) -> np.ndarray:
     """Return the places of some unknowns among all."""
     return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
-
-
-def root_of(covariance: np.ndarray) -> np.ndarray:
-    """Return a matrix whose product with its transpose is a covariance, zero columns where that is singular."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    positive = values > 1e-12
-    return scale[:, None] * vectors * np.where(positive, np.sqrt(np.maximum(values, 0)), 0.0)

@@ -19,10 +19,11 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.estimators.covariance_matrices import root_of
 from identify.exceptions import RunError
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, SpecificForce
-from identify.joint.priors import PriorBlock, Setting, error_blocks, root_of
+from identify.joint.priors import PriorBlock, Setting, error_blocks
 from identify.judge.judged_fits import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.methods.base import Problem, estimator_of
@@ -123,7 +124,7 @@ def _estimate(problem: Problem, method: str, without: Run, halves: bool) -> Iden
         raise RunError(f"{without.name}: {others} not determine the tensor, so that nothing predicts it: {cure}")
     if result.admissible is None:
         return result
-    return replace(result, parameters=replace(result.parameters, inertia=result.admissible.plain))
+    return replace(result, value=np.concatenate([result.value[:4], result.admissible.plain]))
 
 
 class ResidualNoise(NamedTuple):

@@ -4,15 +4,15 @@ In free flight nothing tells the attitude, and no cause can be judged.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimators.covariance_matrices import root_of
 from identify.joint.joint_pooling import shared_unknowns
-from identify.joint.priors import root_of
 from identify.judge import held_errors
 from identify.judge.causes import IN_FLIGHT, OF_A_ZERO, UNKNOWNS, FollowedCause, Judgement, followed, gyro_axes
 from identify.judge.evidence import Base
@@ -30,9 +30,10 @@ from identify.judge.run_fit import (
     tensor_change,
 )
 from identify.methods.base import Problem
-from identify.results.declaration import ResidualCause
+from identify.results.declaration import Declaration, ResidualCause
 from identify.results.identification_result import MISFIT, Identification
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS
+from identify.results.ledger import Row, tensor_row
+from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.signals.run import Run
 
 WIDENS = 0.2
@@ -66,18 +67,32 @@ PLACES = ("r_cg", "cg_from_still")
 ACCELEROMETER_CAUSES = frozenset({Cause.ACCELEROMETER_PLACE, Cause.ACCELEROMETER_SCALE, Cause.ACCELEROMETER_LATE})
 
 
-def judged(result: Identification, problem: Problem) -> Identification:
-    """Return a result with what force and moment of its runs say against it.
+class Judged(NamedTuple):
+    """What force and moment of the runs say against a result."""
+
+    rows: tuple[Row, ...] = ()
+    """Errors that the runs show, and declared turns of the gyro that the joint model lacks."""
+    causes: tuple[ResidualCause, ...] = ()
+    declarations: tuple[Declaration, ...] = ()
+    """Declared quantities that the runs place elsewhere, the farthest record of each."""
+    warnings: tuple[str, ...] = ()
+    """All warnings: the result's, without those that a cause explains, and the judge's."""
+    by_held_errors: Mapping[str, np.ndarray] | None = None
+    """Derivatives of the ten parameters by errors of the rig that count as zero; None: not computed."""
+
+
+def judged(result: Identification, problem: Problem) -> Judged:
+    """Return what force and moment of its runs say against a result.
 
     A cause that shifts a component by half its standard uncertainty or more is a warning; the shift counts as a
-    standard uncertainty, too, in the covariance, the interval and the budget (``model misfit``).
+    standard uncertainty, too (``model misfit``).
 
     Args:
         result: of an estimator.
         problem: that it was given.
     """
     if result.seen is not None:
-        return replace(result, declarations=held_errors.farthest(result.declarations))
+        return Judged(declarations=held_errors.farthest(result.declarations), warnings=result.warnings)
     declarations, explained = list(result.declarations), list[str]()
     fits = [fits_of(run, result, problem) for run in problem.runs]
     joined = examined(fits, result, problem)
@@ -86,7 +101,7 @@ def judged(result: Identification, problem: Problem) -> Identification:
         contributions, errors = merged(saturations, len(fits)), list[FollowedCause]()
     else:
         contributions, errors = joined.contributions(), joined.errors_of_force
-    verdicts = [contribution.finding for contribution in contributions]
+    causes = tuple(contribution.finding for contribution in contributions)
     candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
     estimator_fits = [fit for fit in candidates if fit]
     held = by_held_errors(result, problem, estimator_fits) if len(estimator_fits) == len(problem.runs) else None
@@ -102,17 +117,15 @@ def judged(result: Identification, problem: Problem) -> Identification:
     declarations += (held_errors.exact_declaration(cause, problem) for cause in blamed)
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
-    with_causes = replace(
-        result,
-        declarations=held_errors.farthest(declarations),
-        consistency=(*result.consistency, *verdicts),
-        warnings=(*unexplained, *texts, *(verdict.text for verdict in verdicts)),
-        by_held_errors=held,
-    )
-    if result.method == "joint" and held is not None:  # the others count them by their source
-        with_causes = with_gyro_turns(with_causes, held[GYRO], _declared_turns(problem))
+    # least squares count declared turns of the gyro by their source, the joint model has them as the whole IMU's
+    turns = gyro_turns(held[GYRO], _declared_turns(problem)) if result.method == "joint" and held is not None else []
     changes = np.hstack([np.zeros((6, 0)), *(contribution.changes for contribution in contributions)])
-    return with_misfit(with_causes, changes * result.determined[:, None])
+    misfit = tensor_row(MISFIT, changes * result.determined[:, None], tier="contradicted")
+    return Judged(
+        rows=tuple(row for row in (*turns, misfit) if row.changes.any()), causes=causes,
+        declarations=held_errors.farthest(declarations),
+        warnings=(*unexplained, *texts, *(cause.text for cause in causes)), by_held_errors=held,
+    )  # fmt: skip
 
 
 def _declared_turns(problem: Problem) -> dict[str, np.ndarray]:
@@ -120,42 +133,14 @@ def _declared_turns(problem: Problem) -> dict[str, np.ndarray]:
     return {name: error.axes for name, error in problem.errors.items() if error.unknown == "rotation"}
 
 
-def with_gyro_turns(
-    result: Identification, by_turn: Float[np.ndarray, "10 3"], turns: Mapping[str, Float[np.ndarray, "3 q"]]
-) -> Identification:
-    """Return a joint result that holds declared turns of the gyro, which its model has as turns of the whole IMU.
+def gyro_turns(by_turn: Float[np.ndarray, "10 3"], turns: Mapping[str, Float[np.ndarray, "3 q"]]) -> list[Row]:
+    """Return the rows of declared turns of the gyro, which the joint model has as turns of the whole IMU.
 
     Args:
-        result: without them.
         by_turn: derivative of the ten parameters by a turn of the gyro against the accelerometer.
         turns: one standard uncertainty of each axis [rad], in columns, by source.
     """
-    budget = dict(result.budget or {})
-    for name, axes in turns.items():
-        changes = by_turn @ axes
-        result = result.widened(changes)
-        if changes.any():
-            budget[name] = np.linalg.norm(changes[4:], axis=1)
-    return replace(result, budget=budget or None)
-
-
-def with_misfit(result: Identification, changes: Float[np.ndarray, "6 k"]) -> Identification:
-    """Return a result with what the judge found as further standard uncertainties.
-
-    Args:
-        result: without it.
-        changes: of the tensor by one standard uncertainty of each of k independent findings [kg·m²].
-    """
-    shift = np.linalg.norm(changes, axis=1)
-    if not shift.any():
-        return result
-    middle = result.inertia[:, None]
-    reach = np.hypot(result.interval95 - middle, 2 * shift[:, None])
-    least = np.where(np.isin(range(6), MOMENTS) & (result.admissible is not None), 0.0, -np.inf)[:, None]
-    budget = None if result.budget is None else {**result.budget, MISFIT: shift}
-    ends = np.maximum(middle + reach * [-1, 1], least)
-    wider = result.with_tensor_uncertainty(result.covariance + changes @ changes.T, ends)
-    return replace(wider, budget=budget, misfit=changes)
+    return [Row(error=name, changes=by_turn @ axes) for name, axes in turns.items()]
 
 
 class Contribution(NamedTuple):

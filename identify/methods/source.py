@@ -9,14 +9,15 @@ from identify.estimators.pooling import Pooled, pool
 from identify.estimators.run_information import Information, information
 from identify.floating_point import check_precision
 from identify.methods.base import Method, Problem
-from identify.results.identification_result import Identification, intervals_of
+from identify.results.identification_result import CG, Identification
+from identify.results.ledger import Ledger, Row, mass_row, type_a_rows
+from identify.results.mass_and_centre import DECLARED, POSES
 from identify.results.run_estimate import run_estimate
 from identify.results.weak_components import within_bodies
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import significant
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.static.centre_covariance import with_centre
+from identify.static.centre_rows import centre_rows
 
 ALIGNED = "load cell and IMU are aligned"
 NO_OFFSETS = "force and moment are free of constant offsets"
@@ -57,30 +58,29 @@ def result_of(
         warnings: what the estimator has to say.
     """
     warned = check_precision("float64")
-    inertia, half, seen = pooled.inertia, pooled.half_width, pooled.excitation.identifiable
-    parameters = _parameters(problem, pooled)
+    mass = np.nan if problem.mass is None else float(problem.mass)
     result = Identification(
-        parameters=parameters, bias=pooled.bias, estimator=spec,
-        intervals95=intervals_of(parameters, np.stack([inertia - half, inertia + half], axis=1)),
+        value=np.concatenate([[mass], problem.r_cg, pooled.inertia]), estimator=spec,
+        ledger=Ledger(_rows(problem, pooled), np.concatenate([np.zeros(4), pooled.bias])),
         runs=tuple(run_estimate(run, problem.r_cg, problem.mass) for run in informations),
         warnings=(*warned, *warnings, *_warnings(informations, pooled, spec)),
-        assumptions=_assumptions(problem.offsets),
+        assumptions=_assumptions(problem.offsets), centre_from=DECLARED if problem.centre is None else POSES,
         diagnostics=_diagnostics(problem, spec, pooled), offsets=problem.offsets,
         method=method, pooling=pooled.together,
-        seen=None if seen.all() else pooled.seen,
+        seen=None if pooled.excitation.identifiable.all() else pooled.seen,
     )  # fmt: skip
-    return within_bodies(with_centre(result, problem.centre) if problem.centre else result, problem.runs)
+    return within_bodies(result, problem.runs)
 
 
-def _parameters(problem: Problem, pooled: Pooled) -> InertialParameters:
-    """Mass and centre of gravity as they are stated, and the tensor, which is correlated with the centre by itself."""
-    covariance, variance = np.zeros((10, 10)), problem.sigma_r_cg**2
-    covariance[0, 0] = np.nan if problem.mass is None else (problem.mass_uncertainty or 0.0) ** 2
-    covariance[1:4, 1:4], covariance[4:, 4:] = np.diag(variance), pooled.covariance
-    covariance[4:, 1:4] = pooled.by_centre * variance
-    covariance[1:4, 4:] = covariance[4:, 1:4].T
-    mass = np.nan if problem.mass is None else float(problem.mass)
-    return InertialParameters(mass, problem.r_cg, pooled.inertia, covariance)
+def _rows(problem: Problem, pooled: Pooled) -> tuple[Row, ...]:
+    """Rows of type A, and of mass and centre of gravity as they are stated or from static poses."""
+    measured = type_a_rows(pooled.together)
+    by_centre = np.vstack([np.eye(4), np.hstack([np.zeros((6, 1)), pooled.by_centre])])
+    if problem.centre is not None:
+        return (*measured, *centre_rows(problem.centre, by_centre))
+    stated = by_centre * np.array([problem.mass_uncertainty or 0.0, *problem.sigma_r_cg])
+    rows = (mass_row(stated[0, 0]), Row(error=CG, changes=stated[:, 1:]))
+    return (*measured, *(row for row in rows if row.changes.any()))
 
 
 def estimator_for(problem: Problem) -> EstimatorSpec:

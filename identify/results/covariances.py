@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.results.identification_result import Identification
@@ -11,35 +10,6 @@ from identify.rigid_body.inertial_parameters import PARAMETERS
 
 LEAST = -1e-6
 """Eigenvalue of a matrix of correlations below which it is none; rounding leaves some 1e-12."""
-
-
-def positive(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
-    """Return a symmetric matrix without its negative part, judged in units of its own diagonal."""
-    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
-    return (vectors * np.maximum(values, 0)) @ vectors.T * np.outer(scale, scale)
-
-
-def containing(covariance: Float[np.ndarray, "n n"], effects: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n n"]:
-    """Return a covariance that holds independent errors of these effects: what is left without them is not negative."""
-    error_covariance = effects @ effects.T
-    return error_covariance + positive(covariance - error_covariance)
-
-
-def with_cross(
-    covariance: Float[np.ndarray, "n n"], other_covariance: Float[np.ndarray, "m m"], cross: Float[np.ndarray, "m n"]
-) -> Float[np.ndarray, "n n"]:
-    """Return a covariance that is no less than what the correlation with other quantities implies (Schur complement).
-
-    Args:
-        covariance: of some quantities.
-        other_covariance: of the others.
-        cross: of the others (rows) with these.
-    """
-    scale = np.sqrt(np.maximum(np.diag(other_covariance), 1e-300))
-    inverse = np.linalg.pinv(other_covariance / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-    implied = (cross.T / scale) @ inverse @ (cross.T / scale).T
-    return implied + positive(covariance - implied)
 
 
 def checked(result: Identification) -> Identification:

@@ -15,6 +15,7 @@ from identify.estimators.admissible_tensor import (
     margin,
 )
 from identify.results.identification_result import Identification
+from identify.results.ledger import Ledger, Row, tensor_row
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack
 from identify.rigid_body.pseudo_inertia import UNITS
 from identify.rounding import fixed, significant, with_uncertainty
@@ -22,6 +23,8 @@ from identify.signals.run import Run, RunError
 
 ONE_AXIS = 1e-3
 """Part of the angular velocity's power below which an axis counts as not turned about."""
+BODIES = "possible bodies"
+"""Error of a component of which only the range is known that bodies have."""
 NO_BODY = "no mass distribution has this tensor (triangle inequality): check signs, frames and r_CG"
 UNDETERMINED = "not determined by this motion"
 """Interval of a component that is not determined, in a table; the warning has the range that bodies have."""
@@ -29,17 +32,13 @@ WIDE = 0.5
 """Half an interval over the geometric mean of its two moments from which a component counts as uncertain."""
 
 
-def covariance_within_bodies(bounded: Admissible, covariance: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
-    """Return the covariance of a result: of what is not determined, that of a rectangle; NaN where nothing bounds it.
-
-    A rectangle: only the interval is known (GUM 4.3.7).
-    """
-    open_ended = ~bounded.determined
-    widened = covariance.copy()
-    widened[open_ended] = widened[:, open_ended] = 0.0
+def _rectangles(bounded: Admissible) -> list[Row]:
+    """Row of what is not determined: only the interval is known (GUM 4.3.7); NaN where nothing bounds it."""
+    if bounded.determined.all():
+        return []
     width = np.ptp(bounded.interval95, axis=1)
-    widened[open_ended, open_ended] = np.where(np.isfinite(width), width**2 / 12, np.nan)[open_ended]
-    return widened
+    u = np.where(bounded.determined, 0.0, np.where(np.isfinite(width), width / np.sqrt(12), np.nan))
+    return [tensor_row(BODIES, np.diag(u))]
 
 
 def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identification:
@@ -54,7 +53,8 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
     """
     runs = [runs] if isinstance(runs, Run) else list(runs)
     sigma = np.maximum(result.standard_uncertainty, 1e-300)
-    factor = np.maximum(np.ptp(result.interval95, axis=1) / 2 / sigma, 1.0)
+    half = Ledger(result.ledger.rows).arms()[4:].mean(axis=1)  # without what is expected
+    factor = np.maximum(half / sigma, 1.0)
     bounded = admissible(result.inertia, result.covariance, factor, result.seen)
     if bounded is None:
         if result.seen is not None:
@@ -62,15 +62,12 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
     # what is not determined has no covariance with anything, nor lasting errors
     determined = np.concatenate([np.ones(4), bounded.determined])
-    covariance = result.parameters.covariance * np.outer(determined, determined)
-    covariance[4:, 4:] = covariance_within_bodies(bounded, result.covariance)
+    rows = [row.changed(determined[:, None]) for row in result.ledger.rows]
     weak = replace(
         result,
-        parameters=replace(result.parameters, inertia=bounded.inertia, covariance=covariance),
-        intervals95=np.vstack([result.intervals95[:4], bounded.interval95]),
-        bias=np.where(bounded.determined, result.bias, np.nan),
+        value=np.concatenate([result.value[:4], bounded.inertia]),
+        ledger=Ledger((*rows, *_rectangles(bounded)), np.where(determined > 0, result.ledger.expected, np.nan)),
         admissible=bounded,
-        lasting={name: effect * determined for name, effect in result.lasting.items()},
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]
     unusual = bounded.distance > UNUSUAL and not weakness

@@ -18,7 +18,6 @@ from jaxtyping import Array, Float
 from identify.exceptions import RunError
 from identify.rigid_body.inertia import parallel_axis
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rigid_body.principal_axes import propagated
 
 
 @dataclass(frozen=True)
@@ -43,26 +42,6 @@ class Tare:
             "runs": [{"file": name, "sha256": digest} for name, digest in self.runs],
             "provenance": None if self.provenance is None else dict(self.provenance),
         }
-
-
-def subtract(
-    whole: InertialParameters, fixture: InertialParameters, cross: Float[np.ndarray, "10 10"] | None = None
-) -> InertialParameters:
-    """Return the body that is left when a part is taken off, with its covariance (JCGM 102, 6.2.1.3).
-
-    Args:
-        whole: body and fixture together.
-        fixture: the fixture, with the load cell's own moving plate.
-        cross: covariance of the whole's ten parameters (rows) with the part's (columns); None: nothing in common.
-
-    Raises:
-        RunError: a mass is not known, or the part is not lighter than the whole.
-    """
-    check(whole, fixture)
-    between = np.zeros((10, 10)) if cross is None else cross
-    spread = np.block([[whole.covariance, between], [between.T, fixture.covariance]])
-    values, covariance = propagated(left_over, np.concatenate([whole.values, fixture.values]), spread)
-    return InertialParameters(float(values[0]), values[1:4], values[4:], covariance)
 
 
 def check(whole: InertialParameters, fixture: InertialParameters) -> None:

@@ -10,7 +10,7 @@ import scipy
 from identify.exceptions import RunError
 from identify.reporting import VERSION, Result, interval_records
 from identify.results.covariances import least_eigenvalue
-from identify.results.undeclared import Effect, Undeclared
+from identify.results.ledger import Ledger, Row
 from identify.static.gain_check import GainCheck
 
 PARAMETERS = (
@@ -58,7 +58,7 @@ class Centre(Result):
     """Change of the ten by errors that stay from one series of poses to the next, in ``covariance`` too: (10, k)."""
     lasting_names: tuple[str, ...] = ()
     """Names of the errors in ``lasting``, by which the errors of two series are matched."""
-    undeclared: Undeclared | None = None
+    undeclared: Ledger | None = None
     """Errors that ``interval95`` leaves out, at typical size, and what they do to the ten; None: not looked at."""
     by_wrench: np.ndarray | None = None
     """Derivative of the ten by the wrench of each pose (10, n, 6); None: read from a file, which does not hold it."""
@@ -153,7 +153,7 @@ class Centre(Result):
             "largest_tilt": self.largest_tilt,
             "lasting": None if self.lasting is None else self.lasting.tolist(),
             "lasting_names": list(self.lasting_names),
-            "undeclared": None if self.undeclared is None else list(map(_effect_content, self.undeclared.effects)),
+            "undeclared": None if self.undeclared is None else list(map(_row_content, self.undeclared.rows)),
             "gain": None if self.gain is None else self.gain.to_dict(),
             "residual": {"force": force, "moment": moment},
             "residuals": self.residuals.tolist(),
@@ -188,8 +188,9 @@ class Centre(Result):
         return interval_records(self, parameter=PARAMETERS, unit=UNITS, value=self.values)
 
 
-def _effect_content(effect: Effect) -> dict[str, Any]:
-    return effect._asdict() | {"changes": effect.changes.tolist()}
+def _row_content(row: Row) -> dict[str, Any]:
+    figures = {"name": row.error, "text": row.text, "figure": row.figure, "signed": row.signed}
+    return figures | {"changes": row.changes.tolist()}
 
 
 class _Content:
@@ -259,7 +260,7 @@ def _read(cls: type[Centre], content: _Content) -> Centre:
     )
 
 
-def _undeclared(content: _Content) -> Undeclared | None:
+def _undeclared(content: _Content) -> Ledger | None:
     effects = content.content.get("undeclared")
     if effects is None:
         return None
@@ -269,9 +270,9 @@ def _undeclared(content: _Content) -> Undeclared | None:
     except (TypeError, KeyError):
         raise RunError(f"undeclared of {content.name} is no list of errors: run `inertia centre` again") from None
     changes = [table.array("changes", shape=(len(PARAMETERS), -1)) for table in tables]
-    return Undeclared(
+    return Ledger(
         tuple(
-            Effect(name=name, text=text, figure=figure, changes=by)
+            Row(error=name, text=text, figure=figure, changes=by, tier="typical", key=f"typical {name}")
             for (name, text, figure), by in zip(texts, changes, strict=True)
         )
     )

@@ -83,7 +83,7 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    from identify.results.undeclared import Undeclared
+    from tests.helpers.changed_result import with_typical
     from tests.helpers.laboratory_files import document, write
     from uq.experiment.experiment import Experiment
     from uq.identification.identify_files import identify_files
@@ -96,8 +96,8 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
             if result.undeclared is None:
                 continue
             # effects are of first order, so those of another size are so many times as large
-            effects = [effect._replace(changes=size * effect.changes) for effect in result.undeclared.effects]
-            oracle = replace(result, undeclared=Undeclared(tuple(effects)))
+            rows = [replace(row, changes=size * row.changes) for row in result.undeclared.rows]
+            oracle = with_typical(result, rows)
             by_method[method] = Answer(
                 first=result.interval95, second=result.conventional_bound,
                 oracle=oracle.conventional_bound, warned=bool(result.warnings), truth=measured.truth,

@@ -8,11 +8,11 @@ import scipy
 from jaxtyping import Float
 
 from identify.results.identification_result import Identification
+from identify.results.ledger import USUAL
+from identify.results.mass_and_centre import NAMES
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
 
-USUAL = 0.95
-"""Coverage probability of the intervals that results hold."""
 MANY = 1000
 """Degrees of freedom from which they are printed as infinite: k differs by 0.1 %."""
 EVEN = 0.02
@@ -64,53 +64,56 @@ class Expanded:
         ]  # fmt: skip
 
 
+QUANTITY_NAMES = (*NAMES, *COMPONENTS)
+"""Names of the ten parameters in a table."""
 HEAD = ("value", "U", "k", "ν", "p, %", "u", "coverage interval")
 """Headings of the columns of :meth:`Expanded.rows` behind the name."""
 
 
-def of_tensor(result: Identification, *, factor: float | None = None, probability: float | None = None) -> Expanded:
-    """Return the components with their expanded uncertainty, in kg·m².
+def of_parameters(
+    result: Identification, which: slice, *, factor: float | None = None, probability: float | None = None
+) -> Expanded:
+    """Return some of the ten parameters with their expanded uncertainty [kg, m, kg·m²].
 
-    The result's own intervals of 95 % stand unless another factor or probability is asked for; then they are scaled as
-    Student's t says, with the degrees of freedom that their coverage factor implies.
+    All figures are those of the ledger's rows: intervals at the probability that is asked for, or that a factor has,
+    degrees of freedom by Welch and Satterthwaite (GUM G.4).
 
     Args:
         result: an identification.
+        which: of the ten parameters.
         factor: the coverage factor k to use; the probability follows.
-        probability: the coverage probability to use; the factor follows.
+        probability: the coverage probability to use, 95 % if None; the factor follows.
     """
-    ends = result.interval95
-    return of_intervals(COMPONENTS, result.inertia, result.standard_uncertainty, ends, factor, probability)
-
-
-def of_intervals(
-    names: tuple[str, ...],
-    value: Float[np.ndarray, " n"],
-    u: Float[np.ndarray, " n"],
-    interval95: Float[np.ndarray, "n 2"],
-    factor: float | None = None,
-    probability: float | None = None,
-) -> Expanded:
-    """Return quantities with intervals of 95 % of their own, with their expanded uncertainty; see :func:`of_tensor`."""
-    usual = np.diff(interval95, axis=1)[:, 0] / 2 / np.where(u > 0, u, 1)
-    freedom = np.array([degrees_of_freedom(factor) for factor in usual])
-    k, p = _factor(freedom, factor, probability)
-    ends = interval95
-    if factor is None and probability in (None, USUAL):
-        k = usual
-    else:
-        with np.errstate(invalid="ignore"):
-            arms = (interval95 - value[:, None]) * (k / np.where(usual > 0, usual, 1))[:, None]
-        ends = value[:, None] + arms
-    return Expanded(names=names, value=value, standard=u, factor=k, probability=p, interval=ends, freedom=freedom)
-
-
-def _factor(freedom: np.ndarray, factor: float | None, probability: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage factor and probability of each; one of the two may be asked for, else 95 %."""
+    u = result.parameters.standard_uncertainty
+    p = np.full(10, USUAL if probability is None else probability)
+    ends = result.intervals(float(p[0]))
     if factor is not None:
-        return np.full(len(freedom), factor), 2 * scipy.special.stdtr(freedom, factor) - 1
-    wanted = USUAL if probability is None else probability
-    return scipy.special.stdtrit(freedom, (1 + wanted) / 2), np.full(len(freedom), wanted)
+        p, half = _probabilities(result, factor), np.ptp(ends, axis=1) / 2
+        scale = np.divide(factor * u, half, out=np.ones(10), where=half > 0)
+        ends = result.value[:, None] + (ends - result.value[:, None]) * scale[:, None]
+    k = np.divide(np.ptp(ends, axis=1) / 2, u, out=np.zeros(10), where=u > 0)
+    return Expanded(
+        names=QUANTITY_NAMES[which], value=result.value[which], standard=u[which], factor=k[which],
+        probability=p[which], interval=ends[which], freedom=result.ledger.degrees_of_freedom[which],
+    )  # fmt: skip
+
+
+GRID = (0.3, 0.5, 0.68, 0.8, 0.9, USUAL, 0.975, 0.99, 0.995, 0.9975, 0.999)
+"""Probabilities between whose intervals that of a coverage factor is interpolated: draws tell no more."""
+
+
+def _probabilities(result: Identification, factor: float) -> Float[np.ndarray, "10"]:
+    """Coverage probabilities of the intervals of this coverage factor."""
+    halves = np.array([np.ptp(result.intervals(p), axis=1) / 2 for p in GRID])
+    normal, wanted = scipy.special.ndtri((1 + np.array(GRID)) / 2), factor * result.parameters.standard_uncertainty
+    # of a normal distribution the factor is the quantile itself: interpolated between those it changes little
+    quantile = [np.interp(w, half, normal) if w > 0 else np.nan for w, half in zip(wanted, halves.T, strict=True)]
+    return 2 * scipy.special.ndtr(np.array(quantile)) - 1
+
+
+def of_tensor(result: Identification, *, factor: float | None = None, probability: float | None = None) -> Expanded:
+    """Return the components with their expanded uncertainty, in kg·m²; see :func:`of_parameters`."""
+    return of_parameters(result, slice(4, 10), factor=factor, probability=probability)
 
 
 def welch_satterthwaite(
@@ -127,10 +130,3 @@ def welch_satterthwaite(
         total += np.sum(squares**2 / freedom, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(total > 0, variance**2 / total, np.inf)
-
-
-def degrees_of_freedom(factor: float) -> float:
-    """Return the degrees of freedom of which Student's t has this coverage factor of 95 %; infinity for 1.96."""
-    if not np.isfinite(factor) or factor <= float(scipy.special.ndtri((1 + USUAL) / 2)) * (1 + 1e-4):
-        return np.inf
-    return max(float(scipy.special.stdtridf((1 + USUAL) / 2, factor)), 0.2)

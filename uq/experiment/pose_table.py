@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import scipy
 
-from identify.joint.priors import root_of
+from identify.estimators.covariance_matrices import root_of
 from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
 from identify.static.accelerometer import Accelerometer, calibrate

@@ -4,21 +4,17 @@ The same errors act in the runs that are identified with this centre, so they ke
 first axis of the source ``F_gain``, one standard uncertainty of it.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.exceptions import RunError
 from identify.joint.priors import axes_of
-from identify.results.identification_result import Identification
 from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
-from uq.identification.estimated_errors import draw_root, estimated_errors
-from uq.sources.draws import Mixing
-from uq.sources.source import Source
+from uq.identification.estimated_errors import estimated_errors
 
 FIGURES = ("target", "kind", "sigma", "shape", "settings")
 """Fields of a source that decide its effect on static poses, beside the correlation of its axes."""
@@ -109,68 +105,3 @@ def _figures(resolved: Any, name: str) -> list[Any]:
     except (AttributeError, KeyError, TypeError, ValueError):  # a file that was changed by hand
         return []
     return figures
-
-
-class Shared(NamedTuple):
-    """A source that acts in the runs and has acted in the static poses."""
-
-    root: Float[np.ndarray, "n n"]
-    """Root of the source's covariance: a column is one standard uncertainty of an axis."""
-    on_centre: Float[np.ndarray, "4 n"]
-    """Error of mass [kg] and centre of gravity [m] by each column."""
-
-    @property
-    def by_draw(self) -> Float[np.ndarray, "3 n"]:
-        """Error of the centre of gravity by the source's draw."""
-        return self.on_centre[1:] @ np.linalg.pinv(self.root)
-
-
-def shared_sources(result: Identification, sources: Sequence[Source], mixing: Sequence[Mixing]) -> dict[str, Shared]:
-    """Return, by name, the sources whose errors the result's mass and centre of gravity have already."""
-    shared = {}
-    for source in sources:
-        root = draw_root(source, mixing)
-        effects = [result.lasting.get(f"{source.name} {k}", np.zeros(10))[:4] for k in range(1, len(root) + 1)]
-        if np.any(effects):
-            shared[source.name] = Shared(root, np.array(effects).T)
-    return shared
-
-
-def with_shared_errors(
-    result: Identification, shared: Mapping[str, Shared], changes: Mapping[str, Float[np.ndarray, "n 6"]]
-) -> Identification:
-    """Return a result correlated with its mass and centre of gravity by the errors that have made both of them wrong.
-
-    Args:
-        result: correlated by way of the centre of gravity alone.
-        shared: sources of such errors.
-        changes: of the tensor by one standard uncertainty of each of their axes [kg·m²].
-    """
-    cross, lasting = result.parameters.covariance[:4, 4:].copy(), dict(result.lasting)
-    for name, source in shared.items():
-        for number, (on_centre, on_tensor) in enumerate(zip(source.on_centre.T, changes[name], strict=True), 1):
-            label = f"{name} {number}"
-            if label in lasting:
-                cross += np.outer(on_centre, on_tensor - lasting[label][4:])
-                lasting[label] = np.concatenate([on_centre, on_tensor])
-    covariance = result.parameters.covariance.copy()
-    covariance[:4, 4:], covariance[4:, :4] = cross, cross.T
-    return replace(result, parameters=replace(result.parameters, covariance=covariance), lasting=lasting)
-
-
-def centre_source(sigma: np.ndarray, covariance: np.ndarray | None) -> tuple[Source, tuple[Mixing, ...]]:
-    """Return the centre of gravity's uncertainty as a source, and its correlations.
-
-    Args:
-        sigma: standard uncertainty on each axis [m].
-        covariance: (3, 3) [m²]; None: diagonal.
-    """
-    source = Source(
-        name="r_cg", target="r_cg", kind="bias", group="cg", sigma=np.asarray(sigma),
-        reference="the stated centre of gravity",
-    )  # fmt: skip
-    if covariance is None:
-        return source, ()
-    scale = np.where(sigma > 0, sigma, 1.0)
-    correlation = np.where(np.eye(3) > 0, 1.0, covariance / np.outer(scale, scale))
-    return source, (Mixing(("r_cg",), (3,), correlation),)

@@ -4,7 +4,8 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from identify.joint.priors import ConstantError, root_of
+from identify.estimators.covariance_matrices import root_of
+from identify.joint.priors import ConstantError
 from identify.rigid_body.regressor import cross_matrix
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import CELL_CHANNELS, effect

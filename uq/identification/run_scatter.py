@@ -1,7 +1,7 @@
 """Repeated runs: whether the stated noise describes their scatter, and which of them leave the others of their pool."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -146,7 +146,7 @@ def with_discordance(
     except RunError:
         without = None
     discordance = Discordance(departures, _pool(result), without)
-    return replace(result, warnings=(*result.warnings, *discordance.warnings), discordance=discordance)
+    return result.joined(warnings=(*result.warnings, *discordance.warnings), discordance=discordance)
 
 
 def _pool(result: Identification) -> PoolEstimate:

@@ -7,24 +7,19 @@ all runs, so they do not average out; those that each mounting draws independent
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Float, Int, Key
 
 from identify.choices import OffsetChoice
 from identify.estimators.gram import normal_equations, solve_normal
 from identify.estimators.pooling import Pooling
-from identify.judge.judged_result import with_misfit
 from identify.methods.base import estimator_of
 from identify.pytree import Pytree, static_field
-from identify.results.covariances import positive, with_cross
-from identify.results.identification_result import MISFIT, Identification, covering_bias
-from identify.results.mass_and_centre import POSES
+from identify.results.identification_result import CG, Identification
+from identify.results.ledger import SEED, Ledger, Row, drawn_row, tensor_row, type_a_rows
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.run import Run, RunError
@@ -32,20 +27,7 @@ from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
-from uq.identification.centre_errors import (
-    Shared,
-    centre_source,
-    shared_sources,
-    with_shared_errors,
-)
-from uq.identification.combined_uncertainty import (
-    SEED,
-    Systematic,
-    budget_of,
-    combined_diagnostics,
-    combined_interval,
-    widened_by_sources,
-)
+from uq.identification.estimated_errors import draw_root
 from uq.identification.run_sums import (
     WeightedSums,
     added,
@@ -55,7 +37,7 @@ from uq.identification.run_sums import (
     run_sums,
     weighed_equations,
 )
-from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, over_cases
+from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
 from uq.trials.trial_loop import all_trials, finite_trials
@@ -66,6 +48,21 @@ BATCH = 25
 """Trials at a time, which bounds memory."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
+OF_THE_RIG = frozenset(
+    {"cell_scale", "cell_cross_talk", "cell_misalignment", "gyro_scale", "gyro_misalignment", "gyro_delay"}
+)
+"""Errors that are the same in another body's runs. Fields of :class:`Errors`."""
+
+
+class Systematic(NamedTuple):
+    """Errors of a pooled tensor from the systematic sources."""
+
+    by_mounting: Float[np.ndarray, "trials 6"]
+    """Errors of the tensor from the sources that each mounting draws independently [kg·m²]."""
+    alone: Mapping[str, Float[np.ndarray, "trials 6"]]
+    """Errors of the tensor from each source alone, by its name [kg·m²]."""
+    failed: int = 0
+    """Draws with which the tensor could not be solved; they are left out."""
 
 
 class SystematicProblem(Pytree):
@@ -80,8 +77,8 @@ class SystematicProblem(Pytree):
     nodes: Float[Array, " delays"]
     """Delays of the sums [s]."""
     columns: Columns
-    centre_by_draw: dict[str, Float[Array, "3 n"]]
-    """Change of the static poses' centre of gravity by each source's draw, which it already holds [m]."""
+    sources_of_poses: tuple[Source, ...]
+    """Sources that act on the sums and have acted on the static poses, too; they are not drawn."""
     redrawn: frozenset[str] = static_field()
     """Sources that each mounting draws independently."""
     offsets: OffsetChoice = static_field()
@@ -90,10 +87,9 @@ class SystematicProblem(Pytree):
 
     @property
     def cases(self) -> tuple[frozenset[str], ...]:
-        """The sources that all mountings share, those that each draws independently (if any), and each one alone."""
-        names = frozenset(source.name for source in self.sources)
+        """The sources that each mounting draws independently (if any), and each source alone."""
         alone = (frozenset([source.name]) for source in self.sources)
-        return (names - self.redrawn, *([self.redrawn] if self.redrawn else []), *alone)
+        return (*([self.redrawn] if self.redrawn else []), *alone)
 
 
 UNDETERMINED = "declared sources are not in these intervals: the motion does not determine the whole tensor"
@@ -107,11 +103,10 @@ def with_declared_sources(
     redrawn: Collection[str] = (),
     trials: int = TRIALS,
 ) -> Identification:
-    """Return a result whose uncertainty holds the experiment's systematic sources, with its budget.
+    """Return a result whose ledger holds the experiment's systematic sources.
 
-    The covariance is type A (residuals and scatter) plus that of the sources' errors; the interval of 95 % is from
-    quantiles of both errors' sum, type A's drawn from Student's t (JCGM 101, 6.4.9). Expected errors of the sources,
-    such as of a stated ``mean``, are added to ``bias``, and are in the interval.
+    The interval of 95 % is from quantiles of their errors and those of type A (JCGM 101, 6.4.9). Expected errors of the
+    sources, such as of a stated ``mean``, are part of ``bias``, and in the interval.
 
     Args:
         result: of these runs.
@@ -125,47 +120,64 @@ def with_declared_sources(
         RunError: a declared delay takes more than half of a run, or half of the draws leave no solution.
     """
     if result.seen is not None:
-        return replace(result, warnings=(*result.warnings, UNDETERMINED))
-    systematic = propagated(problem_of(result, runs, experiment, redrawn=redrawn), trials=trials)
+        return result.joined(warnings=(*result.warnings, UNDETERMINED))
+    problem = problem_of(result, runs, experiment, redrawn=redrawn)
+    systematic = propagated(problem, trials=trials)
+    warnings = result.warnings
     if systematic.failed:
         left_out = f"{systematic.failed:,} of {trials:,} draws of the declared sources leave no solution"
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
-        result = replace(result, warnings=(*result.warnings, f"{left_out}: they are left out"))
+        warnings = (*warnings, f"{left_out}: they are left out")
+    rows = [
+        drawn_row(source.name, systematic.alone[source.name], key=source.name * (source.perturbs in OF_THE_RIG))
+        for source in problem.sources if source.name not in problem.redrawn
+    ]  # fmt: skip
     if result.pooling is None:
-        return widened_by_sources(result, systematic)
-    predicted = np.hypot(systematic.by_mounting.std(axis=0), _centre_by_mounting(result, experiment, redrawn))
-    together = replace(result.pooling, from_redrawn_sources=predicted)
-    result = _with_predicted_scatter(result, together)
+        return result.joined(rows, warnings=warnings)
+    by_mounting = systematic.by_mounting.std(axis=0)
+    predicted = np.hypot(by_mounting, _centre_by_mounting(result, experiment, redrawn))
+    pooling = replace(result.pooling, from_redrawn_sources=predicted)
+    warnings = _knowing_predicted_scatter(warnings, result.pooling, pooling)
     if result.admissible is not None:
-        return widened_by_sources(result, systematic)
-    if not systematic.sources:
-        misfit = {} if result.misfit is None else {MISFIT: np.linalg.norm(result.misfit, axis=1)}
-        return replace(result, budget=budget_of(together, misfit))
-    low, high = combined_interval(together, systematic.common)
-    source_covariance = np.cov(systematic.common.T, ddof=1)
-    if "r_cg" in redrawn and len({run.mounting for run in result.runs}) > 1:  # each mounting has its own
-        uncorrelated = scipy.linalg.block_diag(result.parameters.covariance[:4, :4], result.covariance)
-        result = replace(result, parameters=replace(result.parameters, covariance=uncorrelated))
-    else:
-        result = _with_shared_errors(result, runs, experiment, redrawn)
-    ten = np.nan_to_num(result.parameters.covariance)
-    # draws know a variance to a per cent, and may fall short of what the centre of gravity's part is
-    covariance = with_cross(together.covariance + source_covariance, ten[:4, :4], ten[:4, 4:])
-    ends = result.inertia[:, None] - np.stack([high, low], axis=1)
-    with_sources = replace(
-        result.with_tensor_uncertainty(covariance, ends),
-        bias=result.bias + systematic.common.mean(axis=0),
-        pooling=together,
-        budget=budget_of(together, {name: errors.std(axis=0) for name, errors in systematic.alone.items()}),
-        diagnostics={
-            **result.diagnostics,
-            **combined_diagnostics(together, covariance, source_covariance, (low, high)),
-            "declared_sources": {"trials": trials, "seed": SEED},
-        },
-    )
-    with_bias = covering_bias(with_sources, result.bias)
-    return with_bias if result.misfit is None else with_misfit(with_bias, result.misfit)
+        return result.joined(rows, warnings=warnings, pooling=pooling)
+    measured = type_a_rows(pooling)
+    freedom = np.concatenate([np.full(4, np.inf), pooling.effective_degrees_of_freedom])
+    rows += [
+        tensor_row(name, np.diag(systematic.alone[name].std(axis=0)), degrees_of_freedom=freedom)
+        for name in problem.redrawn
+    ]
+    others = [row for row in result.ledger.rows if row.tier != "measured"]
+    if any(source.perturbs == "r_cg" for source in problem.sources):  # each mounting has its own
+        others = [row.changed(OF_MASS_AND_CENTRE) if row.error == CG else row for row in others]
+    rows += _of_poses(result, problem, experiment.mixing)
+    ledger = Ledger((*measured, *others), result.ledger.expected).joined(rows)
+    return replace(
+        result, ledger=ledger, warnings=warnings, pooling=pooling,
+        diagnostics={**result.diagnostics, **_diagnostics(ledger, pooling, trials)},
+    )  # fmt: skip
+
+
+OF_MASS_AND_CENTRE = (np.arange(10) < 4)[:, None].astype(float)
+"""Factors that leave a row's changes of mass and centre of gravity alone."""
+
+
+def _of_poses(result: Identification, problem: SystematicProblem, mixing: Sequence[Mixing]) -> list[Row]:
+    """Rows of errors that have made the static poses' mass and centre of gravity wrong and act in the runs, too.
+
+    Their effect on the tensor by both ways, by central differences (GUM 5.1.3), takes the place of that by the centre.
+    """
+    before = {row.key: row for row in result.ledger.rows if row.key}
+    rows = []
+    for source in problem.sources_of_poses:
+        row = before[source.name]
+        root = draw_root(source, mixing)
+        changes = [
+            (_estimate_with(problem, source, draw, centre) - _estimate_with(problem, source, -draw, -centre)) / 2
+            for draw, centre in zip(root.T, row.changes[1:4].T, strict=True)
+        ]
+        rows.append(replace(row, changes=np.vstack([row.changes[:4], np.transpose(changes)])))
+    return rows
 
 
 def _centre_by_mounting(result: Identification, experiment: Experiment, redrawn: Collection[str]) -> np.ndarray:
@@ -177,25 +189,36 @@ def _centre_by_mounting(result: Identification, experiment: Experiment, redrawn:
     return np.asarray(result.diagnostics["standard_uncertainty_from_cg"]) / np.sqrt(result.pooling.mountings)
 
 
-def _with_predicted_scatter(result: Identification, together: Pooling) -> Identification:
-    """A result whose warnings of scatter know what each mounting draws, which predicts more of it."""
-    warned = result.pooling.warnings if result.pooling else ()
-    others = tuple(text for text in result.warnings if text not in warned)
-    warnings = others if len(others) == len(result.warnings) else (*others, *together.warnings)
-    return replace(result, warnings=warnings, pooling=together)
+def _knowing_predicted_scatter(warnings: tuple[str, ...], pooling: Pooling, together: Pooling) -> tuple[str, ...]:
+    """Warnings, of which those of scatter know what each mounting draws, which predicts more of it."""
+    others = tuple(text for text in warnings if text not in pooling.warnings)
+    return warnings if len(others) == len(warnings) else (*others, *together.warnings)
+
+
+def _diagnostics(ledger: Ledger, pooling: Pooling, trials: int) -> dict[str, Any]:
+    """Standard uncertainties of type A and B, degrees of freedom and coverage factor of the tensor."""
+    known = ledger.of("measured", "declared")
+    u = known.standard_uncertainty
+    return {
+        "standard_uncertainty_type_a": known.of("measured").standard_uncertainty[4:].tolist(),
+        "standard_uncertainty_type_b": known.of("declared").standard_uncertainty[4:].tolist(),
+        "effective_degrees_of_freedom": known.degrees_of_freedom[4:].tolist(),
+        "coverage_factor": (known.arms().mean(axis=1) / np.maximum(u, 1e-300))[4:].tolist(),
+        "scatter_between_runs": pooling.excess.tolist(),
+        "declared_sources": {"trials": trials, "seed": SEED},
+    }
 
 
 def propagated(problem: SystematicProblem, *, trials: int = TRIALS) -> Systematic:
     """Return the errors that draws of a problem's constant sources make of its pooled tensor."""
     if not problem.sources:
-        zero = np.zeros((trials, 6))
-        return Systematic((), zero, zero, {})
+        return Systematic(np.zeros((trials, 6)), {})
     tensors = all_trials(_trials, problem, trials, SEED, batch=BATCH, segment=trials)
     errors, failed = finite_trials(tensors - np.linalg.solve(*equations(problem, [no_errors()] * len(problem.sums))))
-    common, *others = np.moveaxis(errors, 1, 0)
-    by_mounting = others.pop(0) if problem.redrawn else np.zeros_like(common)
-    alone = {source.name: source_errors for source, source_errors in zip(problem.sources, others, strict=True)}
-    return Systematic(sources=problem.sources, common=common, by_mounting=by_mounting, alone=alone, failed=failed)
+    alone = list(np.moveaxis(errors, 1, 0))
+    by_mounting = alone.pop(0) if problem.redrawn else np.zeros((len(errors), 6))
+    names = [source.name for source in problem.sources]
+    return Systematic(by_mounting, dict(zip(names, alone, strict=True)), failed)
 
 
 def problem_of(
@@ -207,12 +230,18 @@ def problem_of(
     Raises:
         ExperimentError, RunError: see :func:`with_declared_sources`.
     """
-    sources, mixing = acting(result, experiment, redrawn)
+    acting = _acting(result, experiment, redrawn, slopes=slopes)
+    keys = set() if slopes else {row.key for row in result.ledger.rows} - set(redrawn)
+    sources, of_poses = (
+        tuple(source for source in acting if (source.name in keys) == had_acted) for had_acted in (False, True)
+    )
+    drawn = {source.name for source in sources}
+    mixing = tuple(mix for mix in experiment.mixing if set(mix.names) <= drawn)
     names = [fitted.mounting for fitted in result.runs]  # None where the runs' names are not believed
     mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
-    nodes = nodes_of(sources, slopes=slopes)
-    columns = Columns.of(sources)
+    nodes = nodes_of(acting, slopes=slopes)
+    columns = Columns.of(acting)
     fit = result.estimator, result.r_cg, result.inertia, columns
     sums = [
         run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
@@ -226,44 +255,27 @@ def problem_of(
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
         sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, nodes=nodes, columns=columns,
-        centre_by_draw={name: shared.by_draw for name, shared in _shared(result, sources, mixing, redrawn).items()},
+        sources_of_poses=of_poses,
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip
 
 
-def _shared(
-    result: Identification, sources: Sequence[Source], mixing: Sequence[Mixing], redrawn: Collection[str]
-) -> dict[str, Shared]:
-    return shared_sources(result, [source for source in sources if source.name not in redrawn], mixing)
+def _acting(
+    result: Identification, experiment: Experiment, redrawn: Collection[str], *, slopes: bool
+) -> tuple[Source, ...]:
+    """Constant sources that a result does not hold yet.
 
-
-def acting(
-    result: Identification, experiment: Experiment, redrawn: Collection[str] = ()
-) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
-    """Return the constant sources that a result does not hold yet, and which of them are correlated.
-
-    The centre of gravity's uncertainty is the result's, wherever it comes from: ``[[source]]`` or static poses.
+    It holds the centre of gravity's uncertainty, wherever it comes from, but for what each mounting draws of it.
     """
     elsewhere = HELD | estimator_of(result.method).estimates
-    sources = [source for source in experiment.sources if source.constant and source.perturbs not in elsewhere]
-    mixing = list(experiment.mixing)
-    shared = _shared(result, sources, mixing, redrawn)
-    from_poses = result.centre_from == POSES
-    covariance = result.parameters.covariance[1:4, 1:4] if from_poses else None
-    if shared:  # without what shared sources do to it
-        held_already = sum(source.on_centre[1:] @ source.on_centre[1:].T for source in shared.values())
-        covariance = positive(result.parameters.covariance[1:4, 1:4] - held_already)
-    same = np.allclose(result.sigma_r_cg, experiment.sigma_r_cg, rtol=1e-9, atol=0)
-    held = result.pooling is None or result.admissible is not None  # the result holds the centre's uncertainty already
-    if held or covariance is not None or not same:
-        sources = [s for s in sources if s.perturbs != "r_cg"]
-        if np.any(result.sigma_r_cg > 0) and not held:
-            sigma = result.sigma_r_cg if covariance is None else np.sqrt(np.diag(covariance))
-            source, mix = centre_source(sigma, covariance)
-            sources, mixing = [*sources, source], [*mixing, *mix]
-    names = {source.name for source in sources}
-    return tuple(sources), tuple(mix for mix in mixing if names & set(mix.names))
+    drawn_centre = len({run.mounting for run in result.runs}) > 1 and result.pooling and result.admissible is None
+    centres = {source.name for source in experiment.sources if slopes or (drawn_centre and source.name in redrawn)}
+    return tuple(
+        source for source in experiment.sources
+        if source.constant and source.perturbs not in elsewhere
+        and (source.perturbs != "r_cg" or source.name in centres)
+    )  # fmt: skip
 
 
 def _check_redrawn(redrawn: Collection[str], sources: Sequence[Source], mixing: Sequence[Mixing]) -> None:
@@ -322,48 +334,20 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
     return normal, right
 
 
-def errors_of(problem: SystematicProblem, drawn: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
-    """Return the errors that act in each case, with those of the centre of gravity that a source has made before."""
-    errors = errors_of_cases(problem.sources, drawn, cases)
-    for name, by_draw in problem.centre_by_draw.items():
-        acts = np.array([[float(name in case)] for case in cases])
-        errors = errors._replace(r_cg=errors.r_cg + acts * (by_draw @ drawn[name].ravel())[None])
-    return errors
-
-
-@partial(jax.jit, static_argnames="name")
-def _of_axes(problem: SystematicProblem, name: str, axes: Float[Array, "k n"]) -> Float[Array, "k 6"]:
-    """The tensor with each of some draws of one source."""
-    nothing = {source.name: jnp.zeros(np.shape(source.sigma)) for source in problem.sources}
-
-    def tensor(axis):
-        drawn = nothing | {name: axis.reshape(nothing[name].shape)}
-        alone = Errors(*(leaf[0] for leaf in errors_of(problem, drawn, (frozenset([name]),))))
-        return estimate(problem, [alone] * len(problem.sums))
-
-    return jax.vmap(tensor)(axes)
-
-
-def _with_shared_errors(
-    result: Identification, runs: Sequence[Run], experiment: Experiment, redrawn: Collection[str]
-) -> Identification:
-    """The result, correlated with mass and centre of gravity by the errors that have made both of them wrong."""
-    if not _shared(result, experiment.sources, experiment.mixing, redrawn):
-        return result
-    problem = problem_of(result, runs, experiment, redrawn=redrawn)
-    shared = _shared(result, problem.sources, problem.mixing, redrawn)
-    changes = {}
-    for name, source in shared.items():
-        axes = jnp.asarray(source.root.T)
-        changes[name] = np.asarray(_of_axes(problem, name, axes) - _of_axes(problem, name, -axes)) / 2  # GUM 5.1.3
-    return with_shared_errors(result, shared, changes)
+def _estimate_with(
+    problem: SystematicProblem, source: Source, draw: Float[np.ndarray, " n"], centre: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "6"]:
+    """The tensor with a draw of one source, whose action on the static poses has moved the centre of gravity."""
+    errors = errors_of([source], {source.name: draw.reshape(np.shape(source.sigma))})
+    errors = errors._replace(r_cg=errors.r_cg + centre)
+    return np.linalg.solve(*equations(problem, [errors] * len(problem.sums)))
 
 
 def _trials(
     problem: SystematicProblem, key: Key[Array, ""], indices: Int[Array, " trials"]
 ) -> Float[Array, "trials cases 6"]:
     def of_trial(index):
-        errors = [errors_of(problem, drawn, problem.cases) for drawn in draws(problem, key, index)]
+        errors = [errors_of_cases(problem.sources, drawn, problem.cases) for drawn in draws(problem, key, index)]
         return over_cases(lambda *case_errors: estimate(problem, case_errors), errors)
 
     return jax.vmap(of_trial)(indices)

@@ -5,15 +5,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.estimators.pooling import NORMAL
+from identify.estimators.covariance_matrices import root_of
 from identify.exceptions import RunError
-from identify.results.covariances import checked, containing
-from identify.results.identification_result import Identification
+from identify.results.covariances import checked
+from identify.results.identification_result import FIXTURE, Identification
+from identify.results.ledger import Ledger, Row, mass_row
 from identify.results.mass_and_centre import LEFT
-from identify.results.undeclared import Undeclared
-from identify.rigid_body.fixture import Tare, check, left_over, subtract
+from identify.rigid_body.fixture import Tare, check, left_over
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import value_and_jacobian
 from identify.rounding import exact
@@ -22,7 +23,7 @@ from uq.files.mistakes import ExperimentError
 from uq.identification.centre_prior import with_mass_and_centre
 from uq.identification.identify_files import WITH_FIXTURE, identify_files
 
-SEPARATE = "the tare's runs and poses share no errors with the body's but those of static poses that last"
+SEPARATE = "the tare's runs and poses share errors of the rig, and those of static poses that last, with the body's"
 
 
 def tare_files(
@@ -49,7 +50,7 @@ def tare_files(
     Raises:
         ExperimentError: nothing tells the fixture's mass and centre of gravity, or two things tell its tensor.
         RigError, RunError: see :func:`uq.identification.identify_files.identify_files` and
-            :func:`identify.rigid_body.fixture.subtract`.
+            :func:`identify.rigid_body.fixture.check`.
     """
     check_tare(paths, experiment, tare_centre)
     if not paths:
@@ -62,7 +63,7 @@ def tare_files(
     if tare_centre is None:
         fixture = experiment.fixture
         assert fixture is not None  # noqa: S101 - fixture_alone has seen it
-        empty = empty.with_mass_uncertainty(float(fixture.standard_uncertainty[0]))
+        empty = empty.joined([mass_row(float(fixture.standard_uncertainty[0]))])
     return tared(result, empty)
 
 
@@ -109,9 +110,8 @@ def tared(
 ) -> Identification:
     """Return a result of the body alone: mass, centre of gravity and tensor without the fixture's.
 
-    The half-width of an interval adds, in squares, what the whole's and the fixture's errors do to the component, each
-    with its own coverage factor. Errors that last from the one to the other (:attr:`Identification.lasting`) are the
-    same in both; each covariance is made to hold them, so that that of the body is positive semidefinite.
+    An error of the rig or of static poses that both results have under one key is one error: its changes add with their
+    signs, and largely cancel. All others are independent.
 
     Args:
         result: of the body with its fixture.
@@ -123,18 +123,11 @@ def tared(
     identified = empty if isinstance(empty, Identification) else None
     assembly, fixture = result.parameters, empty if isinstance(empty, InertialParameters) else empty.parameters
     check(assembly, fixture)
-    fixture_errors = {} if identified is None else identified.lasting
-    both = [name for name in result.lasting if name in fixture_errors]
-    effects = [np.array([error[name] for name in both]).reshape(-1, 10).T for error in (result.lasting, fixture_errors)]
-    assembly, fixture = (
-        replace(ten, covariance=containing(ten.covariance, effect))
-        for ten, effect in zip((assembly, fixture), effects, strict=True)
-    )
-    body = subtract(assembly, fixture, effects[0] @ effects[1].T)
-    _, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
-    factors = [result.coverage_factors, np.full(10, NORMAL) if identified is None else identified.coverage_factors]
-    half_width = _half_width((assembly, fixture), body, jacobian, factors)
-    middle = body.inertia + _shift(result) - (0.0 if identified is None else _shift(identified))
+    body, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
+    by_whole, by_fixture = jacobian[:, :10], jacobian[:, 10:]
+    stated = Ledger((Row(error=FIXTURE, changes=root_of(fixture.covariance)),))
+    ledger = stated if identified is None else identified.ledger
+    looked_at = identified is None or identified.looked_at_undeclared
     tare_warnings = () if identified is None else identified.warnings
     tare_declarations = [
         record._replace(words=f"tare: {record.words}") for record in (identified.declarations if identified else ())
@@ -142,63 +135,45 @@ def tared(
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
     body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
-    middle = np.concatenate([body.values[:4], middle])[:, None]
-    tared_result = replace(
-        result,
-        parameters=body,
-        intervals95=middle + half_width[:, None] * [-1, 1],
-        bias=result.bias - (0.0 if identified is None else identified.bias),
-        centre_from=LEFT,
-        lasting={},
-        undeclared=_undeclared(result, identified, jacobian),
-        declarations=(*result.declarations, *tare_declarations),
-        warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
-        assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
-        tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
+    return checked(
+        replace(
+            result,
+            value=body,
+            ledger=Ledger(
+                taken_off(result.ledger.rows, ledger.rows, by_whole, by_fixture),
+                by_whole @ result.ledger.expected + by_fixture @ ledger.expected,
+            ),
+            centre_from=LEFT,
+            looked_at_undeclared=result.looked_at_undeclared and looked_at,
+            declarations=(*result.declarations, *tare_declarations),
+            warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
+            assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
+            tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
+        )
     )
-    return checked(tared_result)
 
 
-def _half_width(
-    parts: tuple[InertialParameters, InertialParameters],
-    body: InertialParameters,
-    jacobian: np.ndarray,
-    factors: list[np.ndarray],
-) -> np.ndarray:
-    """Half of the interval of 95 % of each of the ten parameters.
+def taken_off(
+    whole: Sequence[Row], fixture: Sequence[Row], by_whole: Float[np.ndarray, "10 10"], by_fixture: np.ndarray
+) -> tuple[Row, ...]:
+    """Return the rows of a body that is left when its fixture is taken off.
 
     Args:
-        parts: the whole and the fixture.
-        body: what is left.
-        jacobian: derivative of the body's ten by those of both, (10, 20).
-        factors: coverage factors of both, (10,) each.
+        whole: rows of both together.
+        fixture: rows of the fixture.
+        by_whole: derivative of the body's ten parameters by those of both together.
+        by_fixture: the same by those of the fixture, (10, 10).
     """
-    alone = [
-        np.einsum("ij,jk,ik->i", by, parameters.covariance, by)
-        for by, parameters in zip((jacobian[:, :10], jacobian[:, 10:]), parts, strict=True)
-    ]
-    common = np.diag(body.covariance) - alone[0] - alone[1]
-    # what is wider than normal is type A of each by itself, whose factor is of the component that it is made of
-    square = factors[0] ** 2 * alone[0] + factors[1] ** 2 * alone[1] + NORMAL**2 * common
-    return np.sqrt(np.maximum(square, 0.0))
-
-
-def _undeclared(result: Identification, empty: Identification | None, jacobian: np.ndarray) -> Undeclared | None:
-    """Return what undeclared errors add to the body: one rig measured both, so that they largely cancel."""
-    assembly, fixture = result.undeclared, Undeclared() if empty is None else empty.undeclared
-    if assembly is None or fixture is None:
-        return None
-    by_fixture = {effect.name: effect.changes for effect in fixture.effects}
-    effects = []
-    for effect in assembly.effects:
-        changes = jacobian[:, :10] @ effect.changes
-        if effect.name in by_fixture:
-            changes = changes + jacobian[:, 10:] @ by_fixture.pop(effect.name)
-        effects.append(effect._replace(changes=changes))
-    alone = [effect for effect in fixture.effects if effect.name in by_fixture]
-    return Undeclared((*effects, *(e._replace(changes=jacobian[:, 10:] @ e.changes) for e in alone)))
-
-
-def _shift(result: Identification) -> np.ndarray:
-    """Return the distance of the middle of a result's intervals from its value: expected errors of declared sources."""
-    return result.interval95.mean(axis=1) - result.inertia
+    keyed = {(row.key, row.changes.shape): row for row in fixture if row.key}
+    rows = []
+    for row in whole:
+        left, same = row.changed(by_whole), keyed.pop((row.key, row.changes.shape), None)
+        rows.append(left if same is None else replace(left, changes=left.changes + same.changed(by_fixture).changes))
+    for row in fixture:
+        if row.key and (row.key, row.changes.shape) not in keyed:
+            continue
+        left = row.changed(by_fixture)
+        if left.drawn:  # of trials of its own
+            left = replace(left, changes=root_of(left.changes @ left.changes.T), drawn=False)
+        rows.append(left if row.tier == "typical" else replace(left, error=FIXTURE, evaluation="A, B", key=""))
+    return tuple(rows)

@@ -16,9 +16,9 @@ from identify.joint.priors import STATIC, ConstantError
 from identify.judge.findings import Cause
 from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
+from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
-from identify.results.mass_and_centre import DECLARED
-from identify.results.undeclared import Effect, Undeclared
+from identify.results.ledger import Ledger, Row
 from identify.rounding import exact
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
@@ -26,7 +26,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import KINDS, typical_errors
 from uq.identification.centre_errors import ON_POSES, wrench_error
 from uq.identification.estimated_errors import estimated_errors
-from uq.identification.systematic_errors import SystematicProblem, equations, problem_of
+from uq.identification.systematic_errors import OF_MASS_AND_CENTRE, SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
 from uq.sources.source import Source
 
@@ -74,10 +74,10 @@ def with_undeclared(
     if result.seen is not None or (result.method == "joint" and not by_held):
         return result
     undeclared = typical_errors(experiment, largest_wrench(runs))
-    pose_effects = () if centre is None or centre.undeclared is None else centre.undeclared.effects
+    pose_rows = () if centre is None or centre.undeclared is None else centre.undeclared.rows
     if centre is not None or np.any(result.sigma_r_cg > 0):
         sources = tuple(source for source in undeclared.sources if source.perturbs != "r_cg")
-        undeclared = replace(undeclared, sources=(*sources, *[METRE] * bool(pose_effects)))
+        undeclared = replace(undeclared, sources=(*sources, *[METRE] * bool(pose_rows)))
     changes: dict[str, np.ndarray] = {}
     if result.method == "joint":
         changes |= _of_joint(by_held, undeclared)
@@ -95,64 +95,69 @@ def with_undeclared(
             changes[name] = figure * by_held[name]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
         changes["mass"] = _of_mass(table.mass * result.mass, by_held)
-    if pose_effects:
+    if pose_rows:
         by_centre = _of_prior(by_held) if result.method == "joint" else _by_centre(changes.pop(METRE.name))
-        for effect in pose_effects:
-            change = by_centre @ effect.changes
-            if changes.get(effect.name, change).shape != change.shape:
-                raise RunError(f"{effect.name} of the static poses has other numbers: run `inertia centre` again")
-            changes[effect.name] = changes.get(effect.name, 0.0) + change
+        for row in pose_rows:
+            change = by_centre @ row.changes
+            if changes.get(row.error, change).shape != change.shape:
+                raise RunError(f"{row.error} of the static poses has other numbers: run `inertia centre` again")
+            changes[row.error] = changes.get(row.error, 0.0) + change
     size = np.repeat([result.mass or 1.0, 1.0, np.abs(result.inertia).max()], [1, 3, 6])
-    typical = undeclared_errors(changes, size, experiment, pose_effects)
+    typical = typical_rows(changes, size, experiment, pose_rows)
+    causes = noted(result, typical)
     named = {REPLACED_BY_CAUSE.get(cause.cause) for cause in result.consistency}
-    remaining = (_without_tensor(effect) if effect.name in named else effect for effect in typical.effects)
-    beside_causes = Undeclared(tuple(effect for effect in remaining if effect.changes.any()))
-    return replace(noted(replace(result, undeclared=typical)), undeclared=beside_causes)
+    # what a named cause does to the tensor is a row already; not what it does to mass and centre of gravity
+    beside_causes = [row.changed(OF_MASS_AND_CENTRE) if row.error in named else row for row in typical.rows]
+    notes = {cause.text for cause in causes if cause.note}
+    known = result.ledger.of("measured", "declared", "contradicted")
+    return replace(
+        result, ledger=known.joined(row for row in beside_causes if row.changes.any()), looked_at_undeclared=True,
+        consistency=causes, warnings=tuple(text for text in result.warnings if text not in notes),
+    )  # fmt: skip
 
 
-def _without_tensor(effect: Effect) -> Effect:
-    """An error whose effect on the tensor is part of its covariance already; not that on mass and centre of gravity."""
-    return effect._replace(changes=effect.changes * (np.arange(10) < 4)[:, None])
+def noted(result: Identification, typical: Ledger) -> tuple[ResidualCause, ...]:
+    """Return a result's causes; those are notes, and no warnings, that the bound holds at typical size.
 
-
-def noted(result: Identification) -> Identification:
-    """Return a result whose warnings are without causes that the bound holds at typical size: these are notes."""
+    Args:
+        result: without errors of typical size.
+        typical: these.
+    """
     half = result.coverage_factors * result.parameters.standard_uncertainty
-    bound = half if result.undeclared is None else result.undeclared.half_width(half)
-    consistency = []
+    bound, causes = typical.half_width(half), []
     for cause in result.consistency:
         # a shift counts as a standard uncertainty, and what it explains widens what the residuals show
         seen = np.where(np.isfinite(half), half, 0.0)
         added = 4 * np.square(cause.changes or np.inf) + cause.share * seen**2
         allowed = np.where(half > 0, (1 - (1 + PRICE) ** -2) * bound**2, 4 * bound**2)
-        consistency.append(cause._replace(note=not (added > allowed).any()))  # NaN: a mass that is not known
-    notes = {cause.text for cause in consistency if cause.note}
-    warnings = tuple(text for text in result.warnings if text not in notes)
-    return replace(result, consistency=tuple(consistency), warnings=warnings)
+        causes.append(cause._replace(note=not (added > allowed).any()))  # NaN: a mass that is not known
+    return tuple(causes)
 
 
-def undeclared_errors(
+def typical_rows(
     changes: Mapping[str, Float[np.ndarray, "10 k"]],
     size: Float[np.ndarray, "10"],
     experiment: Experiment,
-    pose_effects: Sequence[Effect] = (),
-) -> Undeclared:
+    pose_rows: Sequence[Row] = (),
+) -> Ledger:
     """Return errors with their words and figures, without those that add nothing.
 
     Args:
         changes: of ten parameters, by the error's key in ``[undeclared]``.
         size: of the parameters.
         experiment: the typical figures.
-        pose_effects: errors of static poses, whose figures count where the experiment says that there is no such error.
+        pose_rows: errors of static poses, whose figures count where the experiment says that there is no such error.
     """
-    figures, effects = {effect.name: effect.figure for effect in pose_effects}, []
+    figures, rows = {row.error: row.figure for row in pose_rows}, []
     for name, kind in KINDS.items():
         if name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None]):
             value = getattr(experiment.undeclared, name)
             figure = figures[name] if value is None else f"{exact([kind.per_si * value])[0]} {kind.unit}"
-            signed = name == "mounting_frequency"
-            effects.append(Effect(name=name, text=kind.text, figure=figure, changes=changes[name], signed=signed))
-    return Undeclared(tuple(effects))
+            rows.append(
+                Row(error=name, key=f"typical {name}", text=kind.text, figure=figure, changes=changes[name],
+                    tier="typical", signed=name == "mounting_frequency")
+            )  # fmt: skip
+    return Ledger(tuple(rows))
 
 
 def largest_wrench(runs: Sequence[Run]) -> tuple[float, float]:
@@ -211,12 +216,7 @@ def _of_joint(by_held: Mapping[str, np.ndarray], undeclared: Experiment) -> dict
 
 def _of_least_squares(result: Identification, runs: Sequence[Run], undeclared: Experiment) -> dict[str, np.ndarray]:
     """Return each error's change of the tensor, and of the centre of gravity where that errs."""
-    # bounded by physical limits it would count as holding the uncertainty of r_CG, but no undeclared error
-    covariance = result.parameters.covariance.copy()
-    covariance[1:4, 1:4] = np.diag(undeclared.sigma_r_cg**2)
-    stated = replace(result.parameters, covariance=covariance)
-    as_stated = replace(result, parameters=stated, centre_from=DECLARED, admissible=None)
-    problem = problem_of(as_stated, runs, undeclared, slopes=True)
+    problem = problem_of(result, runs, undeclared, slopes=True)
     if not problem.sources:  # gravity alone is open, to which least squares are blind
         return {}
     estimates, changes = estimator_of(result.method).estimates, {}
@@ -287,7 +287,7 @@ def centre_with_undeclared(
     by_wrench = np.asarray(centre.by_wrench)
     changes = {name: np.einsum("pnc,knc->pk", by_wrench, np.array(by_axis)) for name, by_axis in errors.items()}
     size = np.repeat([centre.mass, 1.0, centre.mass * centre.gravity], [1, 3, 6])
-    return replace(centre, undeclared=undeclared_errors(changes, size, experiment))
+    return replace(centre, undeclared=typical_rows(changes, size, experiment))
 
 
 def _wrench(centre: Centre, specific_force: np.ndarray) -> Float[np.ndarray, "n 6"]:

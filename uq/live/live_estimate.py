@@ -15,16 +15,15 @@ from jaxtyping import Bool, Float
 from identify.estimators.gram import Sums, normal_equations
 from identify.estimators.pooling import Pooling
 from identify.estimators.run_information import Excitation, excitation
-from identify.results.undeclared import CONVENTIONAL
+from identify.results.ledger import CONVENTIONAL, Ledger, drawn_row, type_a_rows
 from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
-from uq.identification.combined_uncertainty import Systematic, combined_interval
 from uq.identification.run_sums import FEATURES, FORCE, MOMENT, weighted_sums
-from uq.identification.systematic_errors import SystematicProblem, nodes_of, propagated
+from uq.identification.systematic_errors import Systematic, SystematicProblem, nodes_of, propagated
 from uq.identification.undeclared import tensor_changes
 from uq.live.running_sums import RunningSums
 from uq.sources.source import Source
@@ -118,13 +117,13 @@ def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:
             largest_source=(None,) * 6, undeclared=nothing, undetermined=undetermined,
         )  # fmt: skip
     systematic = propagated(_problem(sums, fitted.inertia, experiment, sources_in(experiment)), trials=TRIALS)
-    low, high = combined_interval(together, systematic.common)
-    ends = np.quantile(systematic.common, [0.025, 0.975], axis=0)
+    declared = Ledger(tuple(drawn_row(name, errors) for name, errors in systematic.alone.items()))
+    ledger = declared.joined(type_a_rows(together))
     return LiveEstimate(
         seconds=sums.seconds, inertia=fitted.inertia,
-        standard_uncertainty=np.sqrt(np.diag(fitted.covariance) + systematic.common.var(axis=0)),
-        interval95=fitted.inertia[:, None] - np.stack([high, low], axis=1), type_a=together.half_width,
-        of_sources=(ends[1] - ends[0]) / 2, largest_source=_largest(systematic),
+        standard_uncertainty=ledger.standard_uncertainty[4:],
+        interval95=fitted.inertia[:, None] + ledger.arms()[4:] * [-1, 1], type_a=together.half_width,
+        of_sources=declared.arms()[4:].mean(axis=1), largest_source=_largest(systematic),
         undeclared=_undeclared(sums, fitted.inertia, experiment),
     )  # fmt: skip
 
@@ -225,7 +224,7 @@ def _problem(
         sums=(weighted,), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
         platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
         mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes=nodes_of(sources),
-        columns=columns, centre_by_draw={}, redrawn=frozenset(), offsets="estimate", weighed=False,
+        columns=columns, sources_of_poses=(), redrawn=frozenset(), offsets="estimate", weighed=False,
     )  # fmt: skip
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from identify.estimators.covariance_matrices import root_of
 from identify.floating_point import check_precision
-from identify.joint.priors import root_of
 from identify.reporting import Result
 from uq.coverage.expanded_uncertainty import welch_satterthwaite
 

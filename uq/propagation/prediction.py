@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from identify.joint.priors import root_of
+from identify.estimators.covariance_matrices import root_of
 from identify.motion.trajectory import Motion, sample
 from identify.pytree import Pytree, static_field
 from identify.rigid_body.inertia import Body, unpack

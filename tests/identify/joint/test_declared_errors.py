@@ -3,11 +3,13 @@
 The judge is the laboratory of tests/helpers/laboratory.py, which shares no code with the packages.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identify.joint.priors import ConstantError
-from identify.results.identification_result import covering_bias
+from identify.results.ledger import Ledger
 from identify.signals.run import RunError
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified
@@ -57,7 +59,8 @@ def test_a_declared_gain_reaches_the_mass():
 
 def test_an_interval_reaches_further_by_an_expected_error(unjudged):
     run = identified(measure(1, **SHORT))
-    wider = covering_bias(run, np.array([1.0, -2.0, 0.0, np.nan, 0.0, 0.0]))
+    expected = np.concatenate([np.zeros(4), [1.0, -2.0, 0.0, np.nan, 0.0, 0.0]])
+    run, wider = (replace(run, ledger=Ledger(run.ledger.rows, bias)) for bias in (np.zeros(10), expected))
     np.testing.assert_allclose(run.interval95 - wider.interval95, [[1, 0], [0, -2], [0, 0], [0, 0], [0, 0], [0, 0]])
 
 

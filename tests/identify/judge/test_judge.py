@@ -11,6 +11,7 @@ from identify.exceptions import RunError
 from identify.judge import judged_fits
 from identify.judge.findings import Cause, Finding
 from identify.judge.resonance import saturated
+from identify.results.identification_result import MISFIT
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import TROUBLES
@@ -30,7 +31,7 @@ def test_clean_runs_are_not_suspected(method, still, seed):
     measured = measure(seed, still=still, **SHORT)
     result = identified(measured, method)
     assert result.consistency == ()
-    assert result.misfit is None
+    assert MISFIT not in result.contributions
     assert (np.abs(result.inertia - measured.truth) < 2 * np.ptp(result.interval95, axis=1) / 2).all()
 
 
@@ -57,7 +58,7 @@ def test_a_trouble_is_named_and_covered(method, trouble, size, name):
     assert any(name in text for text in result.warnings)
     half = np.ptp(result.interval95, axis=1) / 2
     assert (np.abs(result.inertia - measured.truth) < 2 * half).all()
-    np.testing.assert_array_equal(result.misfit is not None, True)
+    assert MISFIT in result.contributions
 
 
 def test_a_long_run_is_judged_by_its_first_part(monkeypatch):
@@ -140,7 +141,7 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
     result = identified(measured, method)
     assert [verdict.cause for verdict in result.consistency] == ["least squares"]
     assert "ordinary least squares and the fit of force and moment together differ by" in result.warnings[-1]
-    assert result.misfit is not None
+    assert MISFIT in result.contributions
 
 
 @pytest.mark.parametrize(

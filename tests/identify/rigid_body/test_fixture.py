@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from identify.exceptions import RunError
-from identify.rigid_body.fixture import subtract
 from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.point_masses import parameters, ten
+from tests.helpers.tare_lab import subtract
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
 from identify.signals.estimator_spec import EstimatorSpec
-from tests.helpers.changed_result import changed
+from tests.helpers.changed_result import changed, ledger_of
 from uq import compare, load_reference
 from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import suspicions
@@ -288,7 +288,9 @@ def identified(tensor, repeats=(), mass=None):
     covariance = scipy.linalg.block_diag(of_mass, 1e-8 * np.eye(3), tensor.covariance)
     ten = InertialParameters(np.nan if mass is None else mass, np.array([0.0, 0, 0.053]), tensor.inertia, covariance)
     intervals = ten.values[:, None] + 2 * ten.standard_uncertainty[:, None] * np.array([[-1, 1]])
-    return Identification(ten, intervals, np.zeros(6), EstimatorSpec("central", "central"), runs, (), (), {})
+    return Identification(
+        ten.values, ledger_of(ten.values, covariance, intervals), EstimatorSpec("central", "central"), runs, (), (), {}
+    )
 
 
 SOURCE = {
@@ -326,7 +328,7 @@ def test_few_runs_count_with_the_interval_that_they_have():
     half = 12.7 * 1e-4 * np.array([[-1, 1]])
     intervals = np.vstack([result.intervals95[:4], MEAN[:, None] + half])
     intervals[0] = result.mass + 4 * 1e-3 * np.array([-1, 1])
-    wide = dataclasses.replace(result, intervals95=intervals)
+    wide = changed(result, intervals95=intervals)
     exact = cad(written("CG", "tensor"), frame=False)
     narrow, found = compare(result, exact), compare(wide, exact)
     np.testing.assert_allclose(found.normalised_error, narrow.normalised_error * 2 / 12.7)

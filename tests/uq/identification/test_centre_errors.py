@@ -145,7 +145,7 @@ def test_a_gain_of_both_is_not_counted_twice(folder):
     """What the moment's gain has done to r_CG cancels with what it does to the run: independent, the two would add."""
     (_, linked), (_, apart) = (identified(folder, 0, "source"), identified(folder, 0, "source", shared=False))
     assert linked.standard_uncertainty[3] < 0.7 * apart.standard_uncertainty[3]
-    assert {"f 1", "m 3"} <= set(linked.lasting)
+    assert {"f", "m"} <= {row.key for row in linked.ledger.rows}
 
 
 AXES = [source("a", "wrench", "misalignment", [1e-3] * 3)]
@@ -211,7 +211,7 @@ def silent():
 
 
 def by_name(result):
-    return {effect.name: effect.changes for effect in result.undeclared.effects}
+    return {effect.error: effect.changes for effect in result.undeclared.rows}
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_what_lasts_from_one_series_of_poses_to_the_next_moves_the_whole_result(
     moved = dataclasses.replace(plain, mass=plain.mass + 2e-3, r_cg=plain.r_cg + lasting[1:4, 0])
     before, after = (identify(run, centre=known, estimator=estimator) for known in (plain, moved))
     effect = after.parameters.values - before.parameters.values
-    (stated,) = before.lasting.values()
+    (stated,) = (row.changes[:, 0] for row in before.ledger.rows if row.key)
     np.testing.assert_allclose(stated, effect, rtol=1e-3, atol=1e-3 * np.abs(effect[4:]).max())
 
 

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from identify.estimators.admissible_tensor import Admissible
+from identify.estimators.pooling import NORMAL
 from identify.joint.prior_departure import declaration
 from identify.results import measured_directions
 from identify.results.alignment import Aligned
-from identify.results.identification_result import intervals_of
-from identify.results.undeclared import Effect, Undeclared
+from identify.results.ledger import Ledger, tensor_row
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise
 from tests.helpers.browser import Reader, drawn
-from tests.helpers.changed_result import changed
+from tests.helpers.changed_result import changed, typical, with_typical
 from tests.helpers.report_tables import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import of_tensor
@@ -72,8 +72,8 @@ def full(runs):
 def declared(result, part=0.0):
     """The result as if all errors were declared, but for one that has this part of u in each of the ten parameters."""
     added = part * np.nan_to_num(result.parameters.standard_uncertainty)
-    effects = (Effect("gyro_scale", "scale of the gyro", "0.3 %", added[:, None]),) if part else ()
-    return dataclasses.replace(result, undeclared=Undeclared(effects))
+    rows = [typical("gyro_scale", added[:, None], "scale of the gyro", "0.3 %")] if part else []
+    return with_typical(result, rows)
 
 
 def reported(result, **table):
@@ -98,25 +98,26 @@ def test_expanded_uncertainty_keeps_the_results_intervals_or_scales_them(plain):
 @pytest.mark.usefixtures("blank_pictures")
 def test_what_is_not_determined_is_not_figured_but_does_not_fail(plain):
     """A component that nothing bounds above, and one of which nothing is known."""
-    covariance, interval = plain.covariance.copy(), plain.interval95.copy()
-    covariance[[1, 3]] = covariance[:, [1, 3]] = np.nan
-    interval[3], interval[1] = (1e-3, np.inf), (-np.inf, np.inf)
-    weak = dataclasses.replace(changed(plain, covariance=covariance, interval95=interval), bias=np.full(6, np.nan))
+    interval, determined = plain.interval95.copy(), np.arange(6) % 2 == 0
+    interval[3], interval[1], interval[5] = (1e-3, np.inf), (-np.inf, np.inf), (-np.inf, np.inf)
+    why = Admissible(plain.inertia, interval, determined, plain.inertia, plain.interval95, "data too weak", 0.0)
+    kept = np.concatenate([np.ones(4), determined])[:, None]
+    rows = [row.changed(kept) for row in plain.ledger.rows]
+    nothing = tensor_row("possible bodies", np.diag(np.where(determined, 0.0, np.nan)))
+    ledger = Ledger((*rows, nothing), np.where(kept[:, 0] > 0, plain.ledger.expected, np.nan))
+    weak = dataclasses.replace(plain, ledger=ledger, admissible=why)
     rows = of_tensor(weak).rows(1e3)
     assert rows[1][1:] == [rows[1][1], "–", "–", "–", "–", "–", "−∞ … ∞"]
     assert rows[3][-1] == "1.000 … ∞"
-    assert rows[0] == of_tensor(plain).rows(1e3)[0]
+    assert rows[0][:2] == of_tensor(plain).rows(1e3)[0][:2]
     for rule in ("simple", "guarded"):
         (one,) = decide(Conformity(specification="a", rule=rule, limits={"I22": (0.0, 1.0)}), weak.inertia, weak.standard_uncertainty,
                         of_tensor(weak).expanded)  # fmt: skip
         assert one.outcome == "undecided"
-    why = Admissible(
-        weak.inertia, interval, np.arange(6) % 2 == 0, plain.inertia, plain.interval95, "data too weak", 0.0
-    )
-    (table,) = bodies(dataclasses.replace(weak, admissible=why))
+    (table,) = bodies(weak)
     assert [row[3] for row in table.rows] == ["yes", "no"] * 3
     assert table.rows[0][1] == of_tensor(plain).rows(1e3)[0][1]
-    text = Reader(report(dataclasses.replace(reported(weak, coverage_factor=2), admissible=why))).text
+    text = Reader(report(reported(weak, coverage_factor=2))).text
     assert "not determined about every axis" in " ".join(text)
     assert not {"nan", "inf"} & set(" ".join(text).split())
 
@@ -135,9 +136,6 @@ def test_uncertainty_about_an_axis_is_that_of_the_turned_tensor(plain):
 def test_contributions_add_up_to_the_variance(plain):
     squares = sum(np.square(part) for part in plain.contributions.values())
     np.testing.assert_allclose(squares, np.diag(plain.covariance), rtol=0.02)  # 10,000 draws of each source
-    without = dataclasses.replace(plain, budget=None)
-    assert set(without.contributions) <= {"residuals", "scatter between runs", "r_cg"}
-    assert dataclasses.replace(without, diagnostics={}).contributions == {}
 
 
 @pytest.mark.usefixtures("blank_pictures")
@@ -152,27 +150,23 @@ def test_a_fixture_that_was_taken_off_has_its_table_and_its_part(plain):
     assert "fixture taken off" in text
     squares = sum(np.square(part) for part in body.contributions.values())
     np.testing.assert_allclose(squares, np.diag(body.covariance), rtol=0.02)
+    (table,) = budget(body)
+    types = {row[0]: row[1] for row in table.rows}
+    assert (types["residuals"], types["fixture taken off"], types["combined"]) == ("A", "A, B", "")
+    assert set(types.values()) == {"A", "B", "A, B", ""}
     shown = np.array([float(cell.replace("−", "-")) for cell in run_table(body).rows[0][4:]])
     off = 1e3 * (plain.inertia - body.inertia)
     assert off[0] > 5
     np.testing.assert_allclose(shown, 1e3 * plain.runs[0].inertia - off, atol=0.051)  # rounded to a tenth
 
 
-@pytest.mark.parametrize(
-    ("part", "letters"),
-    [("residuals", "A"), ("scatter between mountings", "A"), ("estimate", "A"), ("r_cg", "B"), ("static poses", "B"),
-     ("model misfit", "B"), ("fixture taken off", "A, B")],
-)  # fmt: skip
-def test_every_part_of_the_budget_has_its_type(plain, part, letters):
-    (table,) = budget(dataclasses.replace(plain, budget={part: np.ones(6)}))
-    assert table.rows[0][1] == letters
-
-
 def test_mass_and_centre_of_gravity_have_intervals_of_their_own(plain):
     """k = 2.5 of the mass, as few poses give it, 1.96 of the rest; with k = 2 asked for, twice u."""
     result = changed(declared(plain), mass=19.7, mass_uncertainty=0.01, sigma_r_cg=np.full(3, 2e-4))
-    intervals = intervals_of(result.parameters, plain.interval95, np.array([2.5, 1.96, 1.96, 1.96]))
-    result = dataclasses.replace(result, intervals95=intervals, centre_from="static poses")
+    half = np.array([2.5, *[NORMAL] * 3]) * result.parameters.standard_uncertainty[:4]
+    four = result.value[:4, None] + half[:, None] * [-1, 1]
+    result = changed(result, intervals95=np.vstack([four, plain.interval95]))
+    result = dataclasses.replace(result, centre_from="static poses")
     rows = mass_and_centre(result, Report()).rows
     assert rows[0] == ["mass, kg", "19.700", "19.675 … 19.725", "0.025", "2.50", "6", "95", "0.010"]
     assert rows[3][3:5] == ["0.39", "1.96"]
@@ -211,7 +205,7 @@ def result_of(html):
 def test_nothing_passes_while_u_rests_on_typical_figures(full, part, passes):
     """No tick (that of a verdict without attention) and no sentence; nan: it is not known what undeclared errors do."""
     sound = dataclasses.replace(full, warnings=(), pooling=None)
-    result = dataclasses.replace(sound, undeclared=None) if np.isnan(part) else declared(sound, part)
+    result = with_typical(sound, None) if np.isnan(part) else declared(sound, part)
     content = {**full.provenance["report"], "conformity": LIMITS}
     page = result_of(report(reported(result, **content)))
     assert ("is passed" in page) is passes

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from identify.estimators.pooling import student_freedom
 from identify.results import measured_directions
+from identify.results.ledger import Ledger, Row
 from identify.rounding import decimals, fixed
 from identify.sums.residual_spectrum import thinned, trace
-from uq.coverage.expanded_uncertainty import degrees_of_freedom, of_intervals
 from uq.experiment.conformity import Conformity, decide
 
 
@@ -29,12 +30,22 @@ def test_two_digits_of_the_uncertainty(uncertainty, value, texts):
 
 def test_coverage_factors_are_those_of_the_guide():
     """GUM, table G.2 (Student's t) and table G.1 (normal)."""
-    for freedom, factor in ((2, 4.30), (4, 2.78), (10, 2.23), (50, 2.01)):
-        assert degrees_of_freedom(factor) == pytest.approx(freedom, rel=0.1)
-    assert degrees_of_freedom(1.96) == np.inf
-    figure, ends = np.ones(1), 1 + 1.959964 * np.array([[-1.0, 1.0]])
-    assert of_intervals(("a",), figure, figure, ends, factor=2.0).probability[0] == pytest.approx(0.9545, abs=1e-4)
-    assert of_intervals(("a",), figure, figure, ends, probability=0.99).factor[0] == pytest.approx(2.576, abs=1e-3)
+    for freedom, factor in ((2, 4.30), (4, 2.78), (10, 2.23), (50, 2.01), (np.inf, 1.96)):
+        (effective,) = student_freedom(np.array([factor]))
+        assert effective == pytest.approx(freedom, rel=0.1)
+        arms = Ledger((Row(error="a", changes=np.eye(10), degrees_of_freedom=freedom),)).arms()
+        np.testing.assert_allclose(arms, factor, atol=0.005)
+    normal = Ledger((Row(error="a", changes=np.eye(10)),))
+    np.testing.assert_allclose(normal.arms(0.99), 2.576, atol=1e-3)
+
+
+def test_rows_of_two_evaluations_have_the_degrees_of_freedom_of_the_guide():
+    """GUM H.1.6: contributions with their degrees of freedom to u(l) = 32 nm, whose effective number is 16."""
+    parts = ((25.0, 18), (9.7, 25.6), (2.9, 50), (16.6, 2))
+    rows = tuple(Row(error=f"{k}", changes=u * np.eye(10), degrees_of_freedom=v) for k, (u, v) in enumerate(parts))
+    ledger = Ledger(rows)
+    np.testing.assert_allclose(ledger.standard_uncertainty, 31.7, atol=0.1)
+    np.testing.assert_allclose(ledger.degrees_of_freedom, 16.7, atol=0.2)
 
 
 def test_shares_of_visited_axes_are_those_of_caps_and_belts():

@@ -22,7 +22,7 @@ def test_declared_errors_act_through_the_joint_estimate(tmp_path):
     ]  # fmt: skip
     result = identified_files(measured, tmp_path, "joint", declared)
     assert (np.abs(result.inertia - measured.truth) < 3 * result.standard_uncertainty).all()
-    total = np.sqrt(sum(row**2 for row in result.budget.values()))
-    assert set(result.budget) >= {"residuals", *(table["name"] for table in declared)}
+    total = np.sqrt(sum(row**2 for row in result.contributions.values()))
+    assert set(result.contributions) >= {"residuals", *(table["name"] for table in declared)}
     np.testing.assert_allclose(total, result.standard_uncertainty, rtol=1e-6)
     assert np.linalg.eigvalsh(result.parameters.covariance).min() >= -1e-18

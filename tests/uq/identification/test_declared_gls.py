@@ -105,8 +105,8 @@ def test_the_centre_of_gravity_widens_gls_by_its_own_derivative(tmp_path):
     measured = measure(1, **SHORT)
     ours, plain = identified_files(measured, tmp_path, "gls"), identified(measured, "source")
     known, of_plain = (np.array(result.diagnostics["standard_uncertainty_from_cg"]) for result in (ours, plain))
-    assert ours.budget["r_cg"].max() < 0.3 * of_plain.max()
-    np.testing.assert_allclose(ours.budget["r_cg"], known, rtol=0.03, atol=3e-3 * known.max())
+    assert ours.contributions["r_cg"].max() < 0.3 * of_plain.max()
+    np.testing.assert_allclose(ours.contributions["r_cg"], known, rtol=0.03, atol=3e-3 * known.max())
 
 
 def test_the_forces_noise_does_not_draw_the_centre_of_gravity():

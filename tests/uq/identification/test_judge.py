@@ -34,9 +34,9 @@ def test_a_declared_error_is_no_news(tmp_path, few_draws):
     declared = identified_files(measured, tmp_path, "source", [source("c", "wrench", "cross_talk", 5e-3)])
     assert undeclared.consistency[0].cause == "cross-talk"
     assert declared.consistency == ()
-    assert "model misfit" in undeclared.budget
-    assert "model misfit" not in declared.budget
-    total = np.sqrt(sum(np.square(row) for row in undeclared.budget.values()))
+    assert "model misfit" in undeclared.contributions
+    assert "model misfit" not in declared.contributions
+    total = np.sqrt(sum(np.square(row) for row in undeclared.contributions.values()))
     np.testing.assert_allclose(total, undeclared.standard_uncertainty, rtol=1e-3)
 
 
@@ -59,7 +59,7 @@ def test_a_declared_turn_or_delay_of_imu_or_gyro_is_no_news(tmp_path, few_draws,
     assert (off[1:] < 2 * half[1:]).all()
     if "gyro_turn" in error and method == "joint":
         assert (half[1:4] > 1.5 * identified(measured, method).sigma_r_cg).all()
-        assert result.budget["declared"].any()
+        assert result.contributions["declared"].any()
 
 
 def test_a_load_cell_that_is_turned_is_said_though_its_residuals_are_clean(tmp_path):

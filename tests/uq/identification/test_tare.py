@@ -8,9 +8,9 @@ import pytest
 from identify.exceptions import RunError
 from identify.identification import identify
 from identify.results.covariances import checked
-from identify.results.undeclared import Effect, Undeclared
+from identify.results.ledger import Ledger, tensor_row
 from identify.rigid_body.inertial_parameters import InertialParameters
-from tests.helpers.changed_result import changed
+from tests.helpers.changed_result import changed, not_judged, typical, with_typical
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
 from uq.campaign.simulation import simulate
 from uq.identification import tare
@@ -24,10 +24,11 @@ def half_width(result):
 
 
 def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator, unjudged):
-    """U² = k_w² V_w + k_f² V_f: with the fixture's intervals doubled its part counts four times."""
+    """U² = k_w² V_w + k_f² V_f: with the fixture's intervals doubled its part counts four times; 10 %, as parameters mix."""
     whole, _ = measured(experiment_of(brief, WHOLE), WHOLE, generator, np.zeros(3), 0)
     fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, np.zeros(3), 1)
-    fixture = dataclasses.replace(fixture, lasting={})
+    own = tuple(dataclasses.replace(row, key="") for row in fixture.ledger.rows)
+    fixture = dataclasses.replace(fixture, ledger=Ledger(own, fixture.ledger.expected))
     middle = fixture.inertia[:, None]
     doubled = changed(fixture, interval95=middle + 2 * (fixture.interval95 - middle))
     exact = InertialParameters(
@@ -36,7 +37,7 @@ def test_each_part_of_the_interval_has_its_own_coverage_factor(brief, generator,
     of_whole = half_width(tared(whole, exact)) ** 2
     of_fixture = half_width(tared(whole, fixture)) ** 2 - of_whole
     assert (of_fixture > 0).all()
-    np.testing.assert_allclose(half_width(tared(whole, doubled)) ** 2 - of_whole, 4 * of_fixture, rtol=1e-6)
+    np.testing.assert_allclose(half_width(tared(whole, doubled)) ** 2 - of_whole, 4 * of_fixture, rtol=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,7 @@ def by_joint(brief):
     generator = np.random.default_rng(4)
     misaligned = ALIGNMENT * generator.normal(size=3)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("identify.identification.judged", lambda result, problem: result)
+        patch.setattr("identify.identification.judged", not_judged)
         whole, centre = measured(experiment_of(brief, WHOLE), WHOLE, generator, misaligned, 0, "joint")
         fixture, _ = measured(experiment_of(brief, FIXTURE), FIXTURE, generator, misaligned, 1, "joint")
     return whole, fixture, centre
@@ -53,7 +54,10 @@ def by_joint(brief):
 
 def test_with_joint_the_covariance_of_the_body_is_one_and_holds_the_truth(by_joint):
     whole, fixture, _ = by_joint
-    assert set(whole.lasting) == set(fixture.lasting) == {f"attitude axis {k}" for k in (1, 2, 3)}
+    (in_whole,), (in_fixture,) = (
+        [row for row in each.ledger.rows if row.key == "attitude axis"] for each in (whole, fixture)
+    )
+    assert in_whole.changes.shape == in_fixture.changes.shape == (10, 3)
     body = tared(whole, fixture)
     ten = body.parameters
     u = ten.standard_uncertainty
@@ -67,7 +71,8 @@ def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief, unjudged):
     """The centre shifted by what an axis of the attitudes does to it, and the run identified anew."""
     whole, _, centre = by_joint
     run = simulate(experiment_of(brief, WHOLE), "T1", trial=0).run
-    (name, effect), times = next(iter(centre.lasting_errors.items())), 10
+    effect, times = next(iter(centre.lasting_errors.values())), 10
+    (row,) = (row for row in whole.ledger.rows if row.key == "attitude axis")
     shift = times * effect
     moved = dataclasses.replace(
         centre, mass=centre.mass + shift[0], r_cg=centre.r_cg + shift[1:4],
@@ -76,19 +81,22 @@ def test_what_lasts_acts_through_the_joint_estimate(by_joint, brief, unjudged):
     other = identify(run, centre=moved, estimator=SMOOTHED, method="joint", cg_motion="still", gravity=GRAVITY)
     u = whole.parameters.standard_uncertainty
     change = (other.parameters.values - whole.parameters.values) / u
-    np.testing.assert_allclose(times * whole.lasting[name] / u, change, atol=0.1)
+    np.testing.assert_allclose(times * row.changes[:, 0] / u, change, atol=0.1)
     assert np.abs(change).max() > 1
 
 
 def test_a_covariance_that_is_none_is_refused_in_one_line(by_joint):
+    """That of the ten parameters, a sum of squares, can only be not finite; that of an alignment can be any."""
     whole, _, _ = by_joint
-    worse = whole.covariance - 2 * np.diag(np.diag(whole.covariance)) * (np.arange(6) == 4)
-    with pytest.raises(RunError, match=r"covariance of mass, centre .* is not finite \(I23\): check the declared"):
-        checked(changed(whole, covariance=worse))
-    linked = np.array(whole.parameters.covariance)
-    linked[1, 4] = linked[4, 1] = 3 * whole.sigma_r_cg[0] * whole.standard_uncertainty[0]
-    with pytest.raises(RunError, match=r"is not positive semidefinite .* or use the method source"):
-        checked(changed(whole, covariance_of_ten=linked))
+    endless = tensor_row("endless", np.diag(np.where(np.arange(6) == 4, 1e200, 0.0)))
+    with (
+        np.errstate(over="ignore"),
+        pytest.raises(RunError, match=r"covariance of mass, centre .* is not finite \(I23\): check the declared"),
+    ):
+        checked(whole.joined([endless]))
+    turned = dataclasses.replace(whole.rotation, covariance=np.diag([1.0, 1, 1]) + 3 * np.eye(3)[::-1])
+    with pytest.raises(RunError, match=r"the rotation is not positive semidefinite .* or use the method source"):
+        checked(whole.joined(rotation=turned))
 
 
 def test_the_method_reaches_the_tare(monkeypatch, by_joint, brief):
@@ -115,18 +123,15 @@ def test_what_nobody_declared_is_the_same_in_tare_and_body(by_joint):
     loaded, empty, _ = by_joint
     gain = 0.01
 
-    def erring(result, effects):
-        return dataclasses.replace(result, undeclared=Undeclared(tuple(effects)))
-
     def gained(result):
         ten = result.parameters.values
         changes = gain * np.concatenate([ten[:1], np.zeros(3), ten[4:]])
-        return Effect(name="gain", text="gain", figure="1 %", changes=changes[:, None])
+        return typical("gain", changes[:, None])
 
-    late = Effect(name="delay", text="delay", figure="1 ms", changes=1e-3 * np.eye(10)[:, 5:6])
-    body = tared(erring(loaded, [gained(loaded)]), erring(empty, [gained(empty), late]))
-    both, alone = body.undeclared.effects
+    late = typical("delay", 1e-3 * np.eye(10)[:, 5:6])
+    body = tared(with_typical(loaded, [gained(loaded)]), with_typical(empty, [gained(empty), late]))
+    both, alone = body.undeclared.rows
     expected = gain * np.concatenate([[body.mass], np.zeros(3), body.inertia])
     np.testing.assert_allclose(both.changes[:, 0], expected, atol=1e-9)
     np.testing.assert_allclose(alone.changes[5, 0], -1e-3, rtol=1e-9)
-    assert tared(dataclasses.replace(loaded, undeclared=None), empty).undeclared is None
+    assert tared(with_typical(loaded, None), empty).undeclared is None

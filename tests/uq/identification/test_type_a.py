@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identify.identification import identify
+from identify.results.ledger import type_a_rows
 from identify.signals.run import RunError
 from tests.helpers import laboratory_files
 from tests.helpers.equal_runs import OWN, pooled
@@ -16,7 +17,6 @@ from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.identification.combined_uncertainty import budget_of
 from uq.identification.identify_files import labelled, mounting_names
 from uq.identification.run_scatter import pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
@@ -84,7 +84,7 @@ def test_the_command_says_what_is_wrong_with_mountings(tmp_path, capsys):
 def test_a_single_run_has_no_scatter_in_its_budget(generator):
     _, single = pooled(generator.normal(size=(1, 6)), [None])
     single = dataclasses.replace(single, from_residuals=np.diag(generator.uniform(size=6)))
-    assert list(budget_of(single, {})) == ["residuals"]
+    assert [row.error for row in type_a_rows(single)] == ["residuals"]
 
 
 def test_names_of_mountings_are_checked(short):

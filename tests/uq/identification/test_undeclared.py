@@ -12,8 +12,8 @@ import pytest
 from identify import identification
 from identify.joint import single_run
 from identify.results.declaration import ResidualCause
-from identify.results.undeclared import QUANTITIES, Effect, Undeclared
-from tests.helpers.changed_result import changed
+from identify.results.ledger import QUANTITIES, Ledger
+from tests.helpers.changed_result import changed, not_judged, typical, with_typical
 from tests.helpers.laboratory import Setup, cell_reading, measure
 from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
@@ -29,7 +29,7 @@ UNIT = np.eye(6)
 
 def added(result):
     """What each adds to the ten parameters, by name."""
-    return {effect.name: effect.parameters for effect in result.undeclared.effects}
+    return {effect.error: effect.parameters for effect in result.undeclared.rows}
 
 
 def ten(result):
@@ -113,7 +113,7 @@ def test_least_squares_is_off_as_the_table_says(name, measured, silent, by_sourc
 def test_generalised_least_squares_is_off_as_the_table_says(measured, monkeypatch):
     """Its weights are learnt anew from the spoiled recording: 7 % of the largest."""
     result = looked_at(measured, "gls")
-    monkeypatch.setattr(identification, "judged", lambda result, problem: result)
+    monkeypatch.setattr(identification, "judged", not_judged)
     clean = identified(measured, "gls").inertia
     shifts = [
         identified(replace(measured, omega=measured.omega * (1 + 0.003 * unit)), "gls").inertia - clean
@@ -144,7 +144,7 @@ class Refit:
         which moves the estimate by 0.06 u here.
         """
         with self.patch.context() as patch:
-            patch.setattr(identification, "judged", lambda result, problem: result)
+            patch.setattr(identification, "judged", not_judged)
             anew = ten(identified(measured, "joint", **options)) - ten(plain)
             for name in self.NAMES:
                 patch.setattr(single_run, name, self.by_first(name))
@@ -187,7 +187,7 @@ def test_the_joint_estimate_depends_on_the_accelerometers_place_and_on_the_gyros
     anew; 5 % of the tensor's by the place.
     """
     result = looked_at(measured, "joint")
-    monkeypatch.setattr(identification, "judged", lambda result, problem: result)
+    monkeypatch.setattr(identification, "judged", not_judged)
     for option, step, name in (("imu_position_error", 2e-4, "accelerometer_place"), ("gyro_turn", 5e-4, "gyro_axes")):
         moved = [identified(measure(1, **{option: tuple(step * unit)}, **SHORT), "joint") for unit in np.eye(3)]
         off = 10 * np.linalg.norm([ten(one) - ten(result) for one in moved], axis=0)
@@ -239,19 +239,17 @@ def test_where_all_is_declared_nothing_is_left_out(by_source, measured):
     declared += [source("talk", "wrench", "cross_talk", 5e-3), source("late", "omega", "delay", 1e-3)]
     content = document(measured, sources=declared) | {"undeclared": {"mounting_frequency": False}}
     result = with_undeclared(by_source, [run_of(measured)], Experiment.from_dict(content))
-    assert result.undeclared.effects == ()
+    assert result.undeclared.rows == ()
     assert undeclared_tables(result) == []
     assert not any(note.startswith("undeclared") for note in result.notes())
 
 
 def effect(name, values, signed=False):
-    return Effect(name=name, text=name, figure="1", changes=1e-3 * np.array(values)[:, None], signed=signed)
+    return typical(name, 1e-3 * np.array(values)[:, None], signed=signed)
 
 
 def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
-    both = Undeclared(
-        (effect("a", [3.0, 0, 0, 0, 3, 0, 0, 0, 0, 0]), effect("b", [-4.0, 0, 0, 0, 4, 0, 0, 0, 0, 0], True))
-    )
+    both = Ledger((effect("a", [3.0, 0, 0, 0, 3, 0, 0, 0, 0, 0]), effect("b", [-4.0, 0, 0, 0, 4, 0, 0, 0, 0, 0], True)))
     u = 1e-3 * np.array([1.0, 1, 1, 1, 50, 1, 1, 1, 1, 1])
     np.testing.assert_allclose(both.standard_uncertainty, 1e-3 * np.array([5.0, 0, 0, 0, 5, 0, 0, 0, 0, 0]))
     assert both.covariance[0, 4] == pytest.approx(9e-6 - 16e-6)
@@ -260,8 +258,8 @@ def test_all_ten_together_are_a_root_sum_of_squares_and_the_mass_counts():
     u[0] = np.nan
     assert both.share(u) == (pytest.approx(0.1), 4)
     assert both.largest(u)[1:] == (4, pytest.approx(16 / 2525))
-    assert Undeclared(()).share(u)[0] == 0
-    assert Undeclared(()).largest(u) is None
+    assert Ledger(()).share(u)[0] == 0
+    assert Ledger(()).largest(u) is None
 
 
 def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
@@ -272,9 +270,9 @@ def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
     np.testing.assert_allclose(squares, 4 * np.diag(added.covariance)[4:, None] * [1, 1], rtol=1e-5)
     beyond = by_source.with_undeclared.covariance - by_source.parameters.covariance - added.covariance
     np.testing.assert_allclose(np.nan_to_num(beyond), 0, atol=1e-15)
-    complete = replace(by_source, undeclared=Undeclared())
+    complete = with_typical(by_source, [])
     np.testing.assert_array_equal(complete.conventional_bound, by_source.interval95)
-    assert replace(by_source, undeclared=None).conventional_bound is None
+    assert with_typical(by_source, None).conventional_bound is None
 
 
 @pytest.mark.parametrize(("cause", "has_typical_size"), [("gyro scale", False), ("gain", True)])
@@ -284,7 +282,7 @@ def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(meas
     named = replace(plain, consistency=(ResidualCause(cause, "b1", 0.5, "", changes=(0.0,) * 10),))
     added = with_undeclared(named, [run_of(measured)], Experiment.from_dict(document(measured, "source"))).undeclared
     name = {"gyro scale": "gyro_scale", "gain": "moment_gain"}[cause]
-    assert (name in [effect.name for effect in added.effects]) is has_typical_size
+    assert (name in [row.error for row in added.rows if row.changes[4:].any()]) is has_typical_size
 
 
 def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):
@@ -293,7 +291,8 @@ def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):
     unknown = by_source.parameters.covariance.copy()
     unknown[0, 0] = np.nan
     for result in (by_source, changed(by_source, mass=np.nan, covariance_of_ten=unknown)):
-        assert noted(replace(result, consistency=(cause,), warnings=("small",))).warnings == ()
+        (noted_cause,) = noted(replace(result, consistency=(cause,)), result.ledger.of("typical"))
+        assert noted_cause.note
 
 
 def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):
@@ -303,7 +302,7 @@ def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):
     exact = {"sigma_r_cg": np.zeros(3)}
     plain = identified(still, "joint", **exact)
     result = with_undeclared(plain, [run_of(still)], Experiment.from_dict(content))
-    changes = {effect.name: effect.changes for effect in result.undeclared.effects}
+    changes = {effect.error: effect.changes for effect in result.undeclared.rows}
     assert not refit.off(plain, still, **exact).any()
     for stated, expected in (
         ({"mass": 1.001 * still.mass}, changes["mass"][:, 0]),
@@ -319,8 +318,8 @@ def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):
 
 def test_a_singular_estimate_has_no_figure(by_source):
     """A change of the mass by 1e137 kg is no price of an error."""
-    huge = Undeclared((effect("mass", [1e140, 0, 0, 0, 0.1, 0, 0, 0, 0, 0]),))
-    result = replace(by_source.with_mass_uncertainty(1e-3), undeclared=huge)
+    huge = effect("mass", [1e140, 0, 0, 0, 0.1, 0, 0, 0, 0, 0])
+    result = with_typical(changed(by_source, mass_uncertainty=1e-3), [huge])
     _, *row = undeclared_tables(result)[0].rows[0]
     assert (row[1], row[5]) == ("–", "0.10")
     assert result.overview()[1].rows[0][-1] == "not determined"

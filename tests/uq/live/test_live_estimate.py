@@ -182,8 +182,9 @@ def declared(path, experiment):
     """The whole run's estimate, and half the interval that the declared sources alone leave, each part by itself."""
     run = load_run(path)
     result = dataclasses.replace(whole(run, experiment), admissible=None)  # its covariance would hold the centre's
-    errors = propagated(problem_of(result, [run], experiment), trials=4000).common
-    return result, (np.quantile(errors, 0.975, axis=0) - np.quantile(errors, 0.025, axis=0)) / 2
+    errors = sum(propagated(problem_of(result, [run], experiment), trials=4000).alone.values())
+    half = (np.quantile(errors, 0.975, axis=0) - np.quantile(errors, 0.025, axis=0)) / 2
+    return result, np.hypot(half, 1.96 * result.contributions["r_cg"])
 
 
 def test_undeclared_errors_are_those_of_identify(ten_seconds, common):

@@ -9,7 +9,7 @@ import numpy as np
 from identify.methods.base import estimator_of
 from identify.reporting import Drawing, Result, Section, section_of
 from identify.results.identification_result import Identification
-from identify.results.undeclared import CONVENTIONAL, QUANTITIES
+from identify.results.ledger import CONVENTIONAL, QUANTITIES
 from identify.text_tables import Table, sentence
 from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES, Decision, decide

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identify.results.identification_result import Identification
-from identify.results.undeclared import LARGEST_SHARE
+from identify.results.ledger import LARGEST_SHARE
 from identify.rigid_body.inertia import GRAM_METRE
 from identify.rigid_body.principal_axes import principal
 from identify.rounding import fixed, significant

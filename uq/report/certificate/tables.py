@@ -1,20 +1,21 @@
 """The tables of a certificate."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.results.alignment import Aligned
-from identify.results.identification_result import MISFIT, Identification, evaluation_type
+from identify.results.identification_result import MISFIT, Identification
+from identify.results.ledger import CONVENTIONAL
 from identify.results.mass_and_centre import NAMES, UNITS
-from identify.results.undeclared import CONVENTIONAL
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from identify.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
 from identify.text_tables import Table, sentence
-from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_intervals
+from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_parameters
 from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
 from uq.report.certificate import checks
@@ -50,11 +51,10 @@ def origins(result: Identification) -> list[Table]:
     """Return u by its origin: measured, declared, what the runs contradict, and typical, which u leaves out."""
     if result.undeclared is None:
         return []
-    parts = result.contributions
-    measured = np.sqrt(sum((u**2 for name, u in parts.items() if evaluation_type(name) == "A"), np.zeros(6)))
-    misfit = parts.get(MISFIT, np.zeros(6))
-    declared = np.sqrt(np.maximum(result.standard_uncertainty**2 - measured**2 - misfit**2, 0.0))
-    columns = {"measured": measured, "declared": declared}
+    ledger = result.ledger
+    origin = {tier: ledger.of(tier).standard_uncertainty[4:] for tier in ("measured", "declared", "contradicted")}
+    misfit = origin["contradicted"]
+    columns = {"measured": origin["measured"], "declared": origin["declared"]}
     columns |= {MISFIT: misfit} if misfit.any() else {}
     columns["typical"] = result.undeclared.standard_uncertainty[4:]
     rows = [list(row) for row in zip(COMPONENTS, *map(_two_digits, columns.values()), strict=True)]
@@ -81,15 +81,14 @@ def _bounds(result: Identification, intervals: Float[np.ndarray, "m 2"], where: 
 def mass_and_centre(result: Identification, report: Report) -> Table:
     """Return mass and centre of gravity with their intervals, and where they come from."""
     ten, unit = result.parameters, np.array(UNITS)
-    ends = result.intervals95[:4] * unit[:, None]
-    value, u = ten.values[:4] * unit, ten.standard_uncertainty[:4] * unit
-    four = of_intervals(NAMES, value, u, ends, **report.coverage)
-    rows = four.rows()
+    four = of_parameters(result, slice(0, 4), **report.coverage)
+    u, value = four.standard, four.value * unit
+    rows = replace(four, value=value, standard=u * unit, interval=four.interval * unit[:, None]).rows()
     if not np.isfinite(ten.mass):
         rows[0] = [f"mass: {MISSING}", *[""] * 7]
     for k in np.flatnonzero(~(u > 0) & np.isfinite(value)):
         rows[k] = [NAMES[k], *exact([value[k]]), *["–"] * 6]
-    head, *rows = _intervals_first([["", *HEAD], *rows], _bounds(result, four.interval / unit[:, None], slice(0, 4)))
+    head, *rows = _intervals_first([["", *HEAD], *rows], _bounds(result, four.interval, slice(0, 4)))
     return Table(f"Mass and centre of gravity: {result.centre_from}", head, rows)
 
 
@@ -147,7 +146,8 @@ def budget(result: Identification) -> list[Table]:
     parts = result.contributions
     if not parts:
         return []
-    rows = [[display_name(name), evaluation_type(name), *_two_digits(values)] for name, values in parts.items()]
+    types = result.ledger.types
+    rows = [[display_name(name), types[name], *_two_digits(values)] for name, values in parts.items()]
     rows.append(["combined", "", *_two_digits(result.standard_uncertainty)])
     head = ["part", "type", *COMPONENTS]
     return [Table("Budget: contributions to the standard uncertainty, g·m²", head, rows, BUDGET_NOTE)]

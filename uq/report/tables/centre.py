@@ -20,7 +20,7 @@ def title(centre: Centre) -> str:
     mass = with_uncertainty(centre.mass, u)
     low, high = centre.interval95[0]
     ends = centre.conventional_bound
-    bound = _bound(*ends[0]) if ends is not None and centre.undeclared and centre.undeclared.effects else ""
+    bound = _bound(*ends[0]) if ends is not None and centre.undeclared and centre.undeclared.rows else ""
     return (
         f"mass {mass} kg (95 %: {rounded(low, u)} … {rounded(high, u)}{bound}) from {centre.poses} poses; "
         f"residuals {significant(force)} N and {significant(moment)} N·m (rms)"

@@ -11,8 +11,8 @@ from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
 from identify.results.identification_result import Identification
+from identify.results.ledger import CONVENTIONAL, LARGEST_SHARE
 from identify.results.run_estimate import RunEstimate
-from identify.results.undeclared import CONVENTIONAL, LARGEST_SHARE
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -111,7 +111,7 @@ def _which_to_use(result: Identification) -> str:
 
 def has_bound(result: Identification) -> bool:
     """Return whether conventional bounds are known and differ from the coverage intervals."""
-    return bool(result.undeclared and result.undeclared.effects)
+    return bool(result.undeclared and result.undeclared.rows)
 
 
 def bound_texts(result: Identification, intervals: Float[np.ndarray, "10 2"]) -> list[str]:
@@ -170,9 +170,9 @@ def run_table(result: Identification) -> Table:
 
 def undeclared_tables(result: Identification) -> list[Table]:
     """Return what each error that only the conventional bounds hold adds, in g·m², g and mm, where that is known."""
-    if not (result.undeclared and result.undeclared.effects):
+    if not (result.undeclared and result.undeclared.rows):
         return []
-    effects = result.undeclared.effects
+    effects = result.undeclared.rows
     with_centre = any(effect.parameters[:4].any() for effect in effects)
     shown = slice(0 if with_centre else 4, 10)
     unit, largest = np.array([1e3, 1e3, 1e3, 1e3, *[GRAM_METRE] * 6])[shown], _largest(result)[shown]
