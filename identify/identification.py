@@ -14,7 +14,7 @@ from identify.judge.held_out import held_out
 from identify.judge.judged_result import judged
 from identify.methods import names
 from identify.methods.base import Problem, estimator_of
-from identify.results.covariances import checked
+from identify.results.covariances import check_covariances
 from identify.results.discordance import misnamed_mountings
 from identify.results.identification_result import Identification
 from identify.rigid_body.gravity import STANDARD_GRAVITY
@@ -124,7 +124,8 @@ def identify(
         validation = held_out(problem, result)
         failed = () if validation.explained else (validation.text,)
         result = result.joined(validation=validation, warnings=(*result.warnings, *failed))
-    return checked(result)
+    check_covariances(result)
+    return result
 
 
 def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ LEAST = -1e-6
 """Eigenvalue of a matrix of correlations below which it is none; rounding leaves some 1e-12."""
 
 
-def checked(result: Identification) -> Identification:
-    """Return a result whose covariances are such.
+def check_covariances(result: Identification) -> None:
+    """Refuse a result of which a covariance is none.
 
     Raises:
         RunError: one is not finite, or not positive semidefinite.
@@ -31,7 +31,6 @@ def checked(result: Identification) -> Identification:
                 f"the covariance of {what} is not positive semidefinite (eigenvalue {least:.2g} of its correlations), "
                 "so that its intervals would mean nothing: check the declared uncertainties, or use the method source"
             )
-    return result
 
 
 def _covariances(result: Identification) -> Iterator[tuple[str, tuple[str, ...], np.ndarray]]:

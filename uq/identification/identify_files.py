@@ -15,7 +15,7 @@ from identify.identification import identify
 from identify.joint.priors import Alignment
 from identify.judge.findings import Finding
 from identify.methods.source import ALIGNED, NO_OFFSETS
-from identify.results.covariances import checked
+from identify.results.covariances import check_covariances
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
@@ -32,7 +32,7 @@ from uq.files.provenance import provenance
 from uq.identification.centre_errors import check_declared
 from uq.identification.centre_prior import centre_provenance, load_centre, with_centre_prior, with_free_centre
 from uq.identification.estimated_errors import drawn_unknowns, estimated_errors
-from uq.identification.run_scatter import ScatterVerdict, pooled_scatter_verdict, with_discordance
+from uq.identification.run_scatter import ScatterVerdict, discordance, pooled_scatter_verdict
 from uq.identification.systematic_errors import with_declared_sources
 from uq.identification.undeclared import with_undeclared
 from uq.inspection.experiment_findings import convention_warnings
@@ -109,7 +109,11 @@ def identify_files(
         return [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
 
     try:
-        result = with_undeclared(with_discordance(estimated(runs, validate), runs, estimated), runs, experiment, prior)
+        result = estimated(runs, validate)
+        apart = discordance(result, runs, estimated)
+        result = with_undeclared(result, runs, experiment, prior)
+        if apart is not None:
+            result = result.joined(discordance=apart, warnings=(*result.warnings, *apart.warnings))
     except RunError as error:
         more = "; ".join(suspicions(False))
         if len(f"{error}{more}") > LONGEST:
@@ -124,8 +128,7 @@ def identify_files(
     assumed = dict.fromkeys([*mass_and_centre.assumptions, *(text for _, texts in prepared for text in texts)])
     on_body = (*([] if experiment.fixture is None else [WITH_FIXTURE]), *mass_and_centre.warnings)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
-    return replace(
-        result,
+    return result.joined(
         warnings=(*on_body, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([_repeatability(repeats)] if repeats and (repeats.sign > 0).any() else [])),
         assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment, prior)),
@@ -216,7 +219,9 @@ def _estimated(
         drawn_by_mounting=drawn_unknowns(experiment),
         validate=validate,
     )
-    return checked(with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting))
+    result = with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
+    check_covariances(result)
+    return result
 
 
 def _alignment(experiment: Experiment) -> Alignment:

@@ -120,10 +120,10 @@ def scatter_verdict(
     return ScatterVerdict(measured=s, predicted=sigma, repeats=repeats, probability=probability, level=level)
 
 
-def with_discordance(
+def discordance(
     result: Identification, runs: Sequence[Run], estimated: Callable[[list[Run]], Identification]
-) -> Identification:
-    """Return a result with the runs or mountings that leave the others, and a warning of each; else unchanged.
+) -> Discordance | None:
+    """Return the runs or mountings that leave the others; None: none does.
 
     Where the names of mountings are wrong nobody can say which runs belong together, and so which do not.
 
@@ -133,20 +133,19 @@ def with_discordance(
         estimated: makes a result of some of the runs.
     """
     if {run.mounting for run in runs} != {run.mounting for run in result.runs}:
-        return result
+        return None
     pooling = result.pooling
     redrawn = np.zeros(6) if pooling is None else pooling.from_redrawn_sources * np.sqrt(max(pooling.mountings, 1))
     departures = discordant_runs(result.runs, redrawn)
     if not departures:
-        return result
+        return None
     leaving = {index for departure in departures for index in departure.indices}
     belonging = [run for index, run in enumerate(runs) if index not in leaving]
     try:
         without = _pool(estimated(belonging))
     except RunError:
         without = None
-    discordance = Discordance(departures, _pool(result), without)
-    return result.joined(warnings=(*result.warnings, *discordance.warnings), discordance=discordance)
+    return Discordance(departures, _pool(result), without)
 
 
 def _pool(result: Identification) -> PoolEstimate:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.estimators.covariance_matrices import root_of
 from identify.exceptions import RunError
-from identify.results.covariances import checked
+from identify.results.covariances import check_covariances
 from identify.results.identification_result import FIXTURE, Identification
 from identify.results.ledger import Ledger, Row, mass_row
 from identify.results.mass_and_centre import LEFT
@@ -135,22 +135,22 @@ def tared(
     runs = () if identified is None else tuple((run.file, run.sha256) for run in identified.runs)
     fixture_text = f"the {'stated ' * (identified is None)}fixture ({exact([fixture.mass])[0]} kg) is taken off"
     body_warnings = [text for text in result.warnings if text != WITH_FIXTURE]
-    return checked(
-        replace(
-            result,
-            value=body,
-            ledger=Ledger(
-                taken_off(result.ledger.rows, ledger.rows, by_whole, by_fixture),
-                by_whole @ result.ledger.expected + by_fixture @ ledger.expected,
-            ),
-            centre_from=LEFT,
-            looked_at_undeclared=result.looked_at_undeclared and looked_at,
-            declarations=(*result.declarations, *tare_declarations),
-            warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
-            assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
-            tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
-        )
+    left = replace(
+        result,
+        value=body,
+        ledger=Ledger(
+            taken_off(result.ledger.rows, ledger.rows, by_whole, by_fixture),
+            by_whole @ result.ledger.expected + by_fixture @ ledger.expected,
+        ),
+        centre_from=LEFT,
+        looked_at_undeclared=result.looked_at_undeclared and looked_at,
+        declarations=(*result.declarations, *tare_declarations),
+        warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
+        assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
+        tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
     )
+    check_covariances(left)
+    return left
 
 
 def taken_off(

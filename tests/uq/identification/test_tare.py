@@ -7,7 +7,7 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.identification import identify
-from identify.results.covariances import checked
+from identify.results.covariances import check_covariances
 from identify.results.ledger import Ledger, tensor_row
 from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.changed_result import changed, not_judged, typical, with_typical
@@ -93,10 +93,10 @@ def test_a_covariance_that_is_none_is_refused_in_one_line(by_joint):
         np.errstate(over="ignore"),
         pytest.raises(RunError, match=r"covariance of mass, centre .* is not finite \(I23\): check the declared"),
     ):
-        checked(whole.joined([endless]))
+        check_covariances(whole.joined([endless]))
     turned = dataclasses.replace(whole.rotation, covariance=np.diag([1.0, 1, 1]) + 3 * np.eye(3)[::-1])
     with pytest.raises(RunError, match=r"the rotation is not positive semidefinite .* or use the method source"):
-        checked(whole.joined(rotation=turned))
+        check_covariances(whole.joined(rotation=turned))
 
 
 def test_the_method_reaches_the_tare(monkeypatch, by_joint, brief):
