@@ -16,8 +16,9 @@ from jaxtyping import Float
 
 from identify.estimators.covariance_matrices import root_of
 from identify.estimators.pooling import NORMAL, Pooling
+from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.inertial_parameters import by_component
+from identify.rigid_body.inertial_parameters import PARAMETERS, by_component
 
 QUANTITIES = (
     ("the mass", "g", 1e3),
@@ -148,8 +149,8 @@ class Gap(NamedTuple):
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Ledger:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ledger(Shown):
     """The errors of a result."""
 
     rows: tuple[Row, ...] = ()
@@ -318,8 +319,16 @@ class Ledger:
         number, parameter = np.unravel_index(np.argmax(shares), (len(shares), 10))
         return Gap(effect=self.rows[number], parameter=int(parameter), share=float(shares[number][parameter]))
 
+    def records(self) -> list[dict[str, Any]]:
+        """Return of each row the error, its origin, type and standard uncertainties of the ten parameters, in SI."""
+        return [
+            {"error": row.error, "tier": row.tier, "type": row.evaluation}
+            | dict(zip(PARAMETERS, row.standard_uncertainty.tolist(), strict=True))
+            for row in self.rows
+        ]
+
     def to_dict(self) -> list[dict[str, Any]]:
-        """Return the content of result.json, in SI."""
+        """Return the content of result.json on undeclared errors, in SI."""
         return [
             {
                 "name": row.error,
