@@ -243,9 +243,10 @@ def predicted_skewness(
     of ``√8 σ_q (σ_l² + σ_q²) / √n`` for n independent squares. A random walk has few of them. Beside them the load
     cell's noise counts, other errors not.
     """
-    middle, features, r_cg = len(run.sums.gram) // 2, [*range(10), -3, -2, -1], np.asarray(body.r_cg_from_q)
-    gram = np.asarray(run.sums.gram[middle, estimator])[np.ix_(features, features)]
-    moment = np.asarray(run.sums.wrench[middle, estimator])[features, :6] @ about_cg(r_cg).T
+    features, r_cg = [*range(10), -3, -2, -1], np.asarray(body.r_cg_from_q)
+    # the constant term: the sums at the delay in the middle
+    gram = np.asarray(run.sums.gram[0, estimator])[np.ix_(features, features)]
+    moment = np.asarray(run.sums.wrench[0, estimator])[features, :6] @ about_cg(r_cg).T
     _, by_equations, _ = solution_series(packed_equations(gram, moment, NO_NOISE))
     by_product = by_equations @ equations_of_products(moments.algebra, estimator, r_cg)
     by_cell = cell_scatter(expected_by_axes(gram, NO_NOISE), cell, r_cg)
