@@ -1,7 +1,7 @@
 """The choice of an engine, case by case: sums where they tell what the sources do, samples where not.
 
 Each kind of error says what stands for it in sums beside the sources that act with it, or why there is nothing
-(:meth:`uq.sources.source.ErrorKind.in_sums`). A case in which nothing is drawn is the same in every trial: where it
+(:meth:`uq.sources.source.ErrorKind.beyond_sums`). A case in which nothing is drawn is the same in every trial: where it
 needs samples, these are visited once.
 
 One engine for all cases would be simpler, and dear: with a step of the force that is coarse against its noise, 2 of 28
@@ -36,7 +36,7 @@ from uq.gram_sums.packed_equations import (
 )
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise
-from uq.sources.source import MANY_SIGMA, Beside, ErrorKind, Source, normal_noise_variance, signal_variance
+from uq.sources.source import MANY_SIGMA, ErrorKind, Source, SumsConditions, normal_noise_variance, signal_variance
 from uq.trials.engine import Engine, Estimates, TrialSetting
 from uq.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.trials.sums_engine import quasi_random
@@ -156,25 +156,34 @@ def _in_sums(
     reasons: dict[str, str] = {}
     for case in cases:
         acting = [source for source in sources if source.name in case.sources]
-        models = [s.error_kind.in_sums(s, _beside(s, acting, mixing, run, largest)) for s in acting]
-        words = [answer for answer in (*models, _noise_beyond_sums(acting, mixing)) if isinstance(answer, str)]
-        if words:
-            reasons[case.name] = words[0]
+        if reason := _sources_beyond_sums(acting, mixing, run, largest) or _noise_beyond_sums(acting, mixing):
+            reasons[case.name] = reason
         else:
-            standing |= {s.name: answer for s, answer in zip(acting, models, strict=True) if isinstance(answer, Source)}
+            standing |= {source.name: source.error_kind.in_sums(source) for source in acting}
     return standing, reasons
 
 
-def _beside(
+def _sources_beyond_sums(
+    acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
+) -> str | None:
+    """Return why sums do not tell the effect of a source among those of a case: the first one's reason."""
+    for source in acting:
+        conditions = _conditions(source, acting, mixing, run, largest)
+        if reason := source.error_kind.beyond_sums(source, conditions):
+            return f"{source.name} {reason}"
+    return None
+
+
+def _conditions(
     source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
-) -> Beside:
+) -> SumsConditions:
     others = [other for other in acting if other.name != source.name and other.signal == source.signal]
     mixed = {name for mix in mixing for name in mix.names}
     white = np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))
     same_kind = sum(other.error_kind is source.error_kind for other in others)
     spread = np.sqrt(signal_variance(others, source.signal))
     reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
-    return Beside(white, same_kind, run.remainder, reach)
+    return SumsConditions(other_noise=white, others_of_kind=same_kind, remainder=run.remainder, reach=reach)
 
 
 def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
