@@ -13,8 +13,7 @@ from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment
 from uq.gram_sums.cases import cases_of
 from uq.trials.chooser import EngineName
-from uq.trials.engine import Engine, run_trials
-from uq.trials.trial_loop import all_trials
+from uq.trials.engine import Engine
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 LABELS = {
@@ -59,7 +58,7 @@ def engines(
         prepare_engine(
             experiment, experiment.trajectories[name], [experiment.estimator("central")], engine=engine, dtype=dtype,
             cases=groups,
-        ).engine
+        )[0]
         for name in trajectories
     ]  # fmt: skip
     return jax.block_until_ready(prepared)
@@ -69,14 +68,10 @@ def trials_of(
     prepared: Sequence[Engine], trials: int, devices: Sequence[jax.Device] | None = None, batch: int | None = None
 ) -> list:
     """Return the estimates of so many trials of each engine; ``devices``: None for the first."""
-    devices = devices or jax.devices()[:1]
-    return [
-        all_trials(
-            run_trials, engine, trials, 0, devices=devices, batch=batch or engine.batch(devices[0]),
-            segment=engine.segment,
-        )
-        for engine in prepared
-    ]  # fmt: skip
+    loops = [engine.loop(0, devices=devices or jax.devices()[:1], batch=batch) for engine in prepared]
+    for loop in loops:
+        loop.reach(trials)
+    return [loop.results(trials) for loop in loops]
 
 
 def _loop(experiment: Experiment, truths: list[vectorised.Truth], trials: int) -> None:

@@ -17,9 +17,10 @@ from rig.bags.growing_file import GrowingFile
 from rig.mcap.message_definitions import IMU, WRENCH
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
+from uq.identification.systematic_errors import nodes_of
 from uq.live import live_estimate
 from uq.live.growing_run import GrowingRun
-from uq.live.live_estimate import estimated, nodes_of, sources_in
+from uq.live.live_estimate import estimated, sources_in
 from uq.live.running_sums import RunningSums
 from uq.planning.required_duration import growth_of, lasting, required_duration
 from uq.recorded.time_window import TimeWindow

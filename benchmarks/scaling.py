@@ -55,7 +55,7 @@ def samples_row(count: int) -> list[float]:
     """Return processor time of set-up and of a trial, and the peak memory."""
     experiment = lasting(count / RATE)
     spec, estimators = experiment.trajectories["T1"], [experiment.estimator("central")]
-    prepare = lambda: jax.block_until_ready(prepare_engine(experiment, spec, estimators).engine)  # noqa: E731
+    prepare = lambda: jax.block_until_ready(prepare_engine(experiment, spec, estimators)[0])  # noqa: E731
     once, engine = second_time(prepare, time.process_time), prepare()
     seconds = second_time(lambda: trials_of([engine], 20_000), time.process_time)
     return [once, 1e6 * seconds / 20_000, peak_memory()]

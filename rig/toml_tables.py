@@ -230,7 +230,7 @@ def _items(path: str, raw: object, hint: Any) -> Any:
                 else f"is {quoted(raw)}: write a list"
             )
             raise TomlError(f"{path} {several}")
-        return tuple(read_value(f"{path}[{_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
+        return tuple(read_value(f"{path}[{item_label(i, item)}]", item, types[0]) for i, item in enumerate(raw))
     if not isinstance(raw, list) or len(raw) != len(types):
         raise TomlError(f"{path} is {quoted(raw)}: write {_count(types)}")
     return tuple(
@@ -251,7 +251,8 @@ def _tables(hint: Any) -> list[type[TomlTable]]:
     return [option for option in options if isinstance(option, type) and issubclass(option, TomlTable)]
 
 
-def _label(index: int, item: object) -> str:
+def item_label(index: int, item: object) -> str:
+    """Return what stands for one of several tables in a path: its name where that can be printed, else its number."""
     name = item.get("name") if isinstance(item, Mapping) else None
     return name if isinstance(name, str) and name.isprintable() and len(name) <= ECHO else str(index)
 

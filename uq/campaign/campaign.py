@@ -2,7 +2,7 @@
 
 import numbers
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -26,8 +26,8 @@ from uq.files.provenance import code_digest, provenance
 from uq.progress_bar import Progress, progress_of
 from uq.sources.quasi_random import REPLICATES, Points
 from uq.trials.checkpoint import Checkpoint
-from uq.trials.chooser import Choice, EngineName, engine_of
-from uq.trials.engine import Estimates, run_trials
+from uq.trials.chooser import EngineName, engine_of
+from uq.trials.engine import Engine, Estimates
 from uq.trials.joined_processes import agree, in_turn, meet
 from uq.trials.trial_loop import TrialLoop, trials_in
 
@@ -142,7 +142,7 @@ def montecarlo(
     plan.check(trials)
     warned = check_precision(plan.dtype)
     plan = replace(plan, dtype="float32") if warned else plan
-    asked = _Asked(
+    campaign = Campaign(
         experiment=experiment, estimators=experiment.selected_estimators(estimators),
         trajectories=experiment.selected_trajectories(trajectories), trials=trials, seed=seed, plan=plan,
         options=options,
@@ -150,41 +150,42 @@ def montecarlo(
     store = options.checkpoint
     store = Checkpoint(store) if isinstance(store, (str, Path)) else store
     try:
-        runs = _started(asked, store)
+        campaign.start(store)
         if plan.goal is None:
-            stability, breakdowns = None, _run_all(asked, runs)
+            stability, breakdowns = None, campaign.run()
         else:
-            trials, stability = _until_stable(asked, runs, replace(plan.goal, joint=True))
-            breakdowns = {name: asked.breakdowns(run, trials) for name, run in runs.items()}
+            trials, stability = campaign.run_until_stable(replace(plan.goal, joint=True))
+            breakdowns = {name: campaign.breakdowns(name, trials) for name in campaign.loops}
     finally:
         if store is not None:
             store.close()
     meet()
-    errors = {name: run.errors(0, trials, asked.truth) for name, run in runs.items()}
-    computed = {name: run.choice.computed for name, run in runs.items() if run.choice.computed}
-    about = asked.settings | ({"computed": computed} if computed else {})
+    errors = {name: campaign.errors(name, 0, trials) for name in campaign.loops}
+    about = campaign.settings | ({"computed": campaign.computed} if campaign.computed else {})
     record = provenance(**experiment.inputs(), trials=trials, seed=seed, **about)
     notes = [*warned, *_limits(stability, trials), *left_out_note(experiment.left_out)]
     return MonteCarloResult(
-        trials=trials, seed=seed, nominal=asked.truth, breakdowns=breakdowns, warnings=tuple(notes), provenance=record,
-        errors=errors, stability=stability, points=plan.points,
+        trials=trials, seed=seed, nominal=campaign.truth, breakdowns=breakdowns, warnings=tuple(notes),
+        provenance=record, errors=errors, stability=stability, points=plan.points,
     )  # fmt: skip
 
 
-# --- the runs of the trajectories ---
-
-
 @dataclass(frozen=True)
-class _Asked:
-    """The arguments of a campaign, checked."""
+class Campaign:
+    """The trials of an experiment on its trajectories: as they were asked for, and as far as they have been run."""
 
     experiment: Experiment
     estimators: Sequence[EstimatorSpec]
     trajectories: Mapping[str, TrajectorySpec]
     trials: int
+    """Number of trials; the most of them with a goal."""
     seed: int
     plan: SamplingPlan
     options: RunOptions
+    loops: dict[str, TrialLoop] = field(default_factory=dict)
+    """Trials of each trajectory so far, by its name."""
+    computed: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Words on the choice of a trajectory's engine (:func:`uq.trials.chooser.engine_of`), where there are any."""
 
     @property
     def truth(self) -> np.ndarray:
@@ -196,88 +197,84 @@ class _Asked:
         """Settings on which the numbers depend besides experiment, trials and seed."""
         return {"engine": self.plan.engine, "points": self.plan.points, "dtype": self.plan.dtype}
 
-    def breakdowns(self, run: "_TrajectoryRun", trials: int) -> dict[str, Breakdown[Statistics]]:
-        """Return the breakdowns of one trajectory by estimator."""
-        errors = run.errors(0, trials, self.truth)
+    def errors(self, name: str, first: int, last: int) -> np.ndarray:
+        """Return estimate minus truth of these trials on a trajectory, (trials, estimators, cases, 6) [kg·m²]."""
+        return np.asarray(self.loops[name].results(last, first)) - self.truth
+
+    def breakdowns(self, name: str, trials: int) -> dict[str, Breakdown[Statistics]]:
+        """Return the breakdowns of a trajectory by estimator."""
+        errors, cases = self.errors(name, 0, trials), self.loops[name].problem.cases
+        return {e.name: breakdown(cases, errors[:, k], self.plan.points) for k, e in enumerate(self.estimators)}
+
+    def start(self, store: Checkpoint | None) -> None:
+        """Prepare every trajectory; its trials go on where a checkpoint ends."""
+        devices = list(self.options.devices or jax.devices())
+        motions = true_motions(self.experiment, self.trajectories)
+        if store is not None or process_count() > 1:
+            identity = self._identity(devices)
+            agree("campaigns", [identity, self.trials, list(self.trajectories)])
+            if store is not None:
+                in_turn(lambda: store.open(identity))
+        points = (self.trials, self.seed) if self.plan.points == "quasi-random" else None
+        for name, spec in self.trajectories.items():
+            setting = setting_of(self.experiment, spec, self.estimators, motions.pop(name))
+            engine, computed = engine_of(setting, engine=self.plan.engine, dtype=self.plan.dtype, points=points)
+            self.computed.update({name: computed} if computed else {})
+            resumed = {} if store is None else self._resumed(store, name, engine)
+            self.loops[name] = engine.loop(self.seed, devices=devices, batch=self.options.batch, **resumed)
+
+    def _resumed(self, store: Checkpoint, name: str, engine: Engine) -> dict[str, Any]:
+        """Return the trials of a trajectory that a checkpoint holds, and what keeps further ones there."""
+        shape = (len(self.estimators), len(engine.cases), 6)
+        done: list[Estimates] = in_turn(partial(store.load, name, self.trials, shape))
+        agree("checkpoints", sum(map(trials_in, done)))
+        return {"done": done, "keep": partial(store.keep, name)}
+
+    def run(self) -> dict[str, dict[str, Breakdown[Statistics]]]:
+        """Run every trajectory to the end and show its figures; return its breakdowns."""
+        progress, shown, breakdowns = progress_of(self.options.progress), self.options.shown, {}
+        for name, loop in self.loops.items():
+            early = shown and loop.segment <= EARLY < self.trials
+            for trials in (EARLY, self.trials) if early else (self.trials,):
+                loop.reach(trials, partial(progress, name), asked=self.trials)
+                breakdowns[name] = self.breakdowns(name, trials)
+                if shown:
+                    shown(name, trials, breakdowns[name])
+        return breakdowns
+
+    def run_until_stable(self, goal: Goal) -> tuple[int, dict[str, dict[str, Stability]]]:
+        """Run all trajectories block by block until every estimator is stable on each; trials, what is reached."""
+        progress, block = progress_of(self.options.progress), goal.least_block
+        pairs = [(name, k) for name in self.loops for k in range(len(self.estimators))]
+        blocks = {pair: Blocks(goal, len(pairs)) for pair in pairs}
+        needed, count = self.trials, len(self.loops)
+        for trials in range(block, self.trials + 1, block):
+            for place, (name, loop) in enumerate(self.loops.items()):
+                others = place * trials + (count - 1 - place) * (trials - block)  # those of all trajectories together
+                loop.reach(trials, lambda done, _: progress("adaptive", others + done, count * needed))  # noqa: B023
+                error = self.errors(name, trials - block, trials)[:, :, 0]
+                for k in range(len(self.estimators)):
+                    blocks[name, k].add(error[:, k])
+            stability = {pair: blocks[pair].stability() for pair in pairs}
+            if all(reached.stable for reached in stability.values()):
+                break
+            more = (reached.trials_needed(trials) for reached in stability.values())
+            needed = min(self.trials, max(trials + block, *more))
+        return trials, {n: {e.name: stability[n, k] for k, e in enumerate(self.estimators)} for n in self.loops}
+
+    def _identity(self, devices: Sequence[jax.Device]) -> dict[str, Any]:
+        """Return the settings that a checkpoint and a campaign must share for the same bits to come out."""
         return {
-            estimator.name: breakdown(run.choice.engine.cases, errors[:, k], self.plan.points)
-            for k, estimator in enumerate(self.estimators)
+            "seed": self.seed,
+            **self.settings,
+            "batch": self.options.batch,
+            "experiment": self.experiment.inputs()["resolved"],
+            "estimators": [e.name for e in self.estimators],
+            "sums": str(jnp.result_type(float)),
+            "devices": devices[0].device_kind,
+            "jax": jax.__version__,
+            "code": code_digest(),
         }
-
-
-@dataclass(frozen=True)
-class _TrajectoryRun:
-    """The trials of one trajectory so far; more are run on request."""
-
-    choice: Choice
-    loop: TrialLoop
-
-    def errors(self, first: int, last: int, truth: np.ndarray) -> np.ndarray:
-        """Return estimate minus truth of these trials, (trials, estimators, cases, 6) [kg·m²]."""
-        return np.asarray(self.loop.results(last, first)) - truth
-
-
-def _started(asked: _Asked, store: Checkpoint | None) -> dict[str, _TrajectoryRun]:
-    """Prepare every trajectory; its trials go on where a checkpoint ends."""
-    devices = list(asked.options.devices or jax.devices())
-    motions = true_motions(asked.experiment, asked.trajectories)
-    if store is not None or process_count() > 1:
-        identity = _identity(asked, devices)
-        agree("campaigns", [identity, asked.trials, list(asked.trajectories)])
-        if store is not None:
-            in_turn(lambda: store.open(identity))
-    runs = {}
-    quasi = (asked.trials, asked.seed) if asked.plan.points == "quasi-random" else None
-    for name, spec in asked.trajectories.items():
-        setting = setting_of(asked.experiment, spec, asked.estimators, motions.pop(name))
-        choice = engine_of(setting, engine=asked.plan.engine, dtype=asked.plan.dtype, points=quasi)
-        done: list[Estimates] = []
-        if store is not None:
-            shape = (len(asked.estimators), len(choice.engine.cases), 6)
-            done = in_turn(partial(store.load, name, asked.trials, shape))
-            agree("checkpoints", sum(map(trials_in, done)))
-        loop = TrialLoop(
-            run_trials, choice.engine, asked.seed, devices=devices, segment=choice.engine.segment, done=done,
-            batch=asked.options.batch or choice.engine.batch(devices[0]),
-            keep=None if store is None else partial(store.keep, name),
-        )  # fmt: skip
-        runs[name] = _TrajectoryRun(choice, loop)
-    return runs
-
-
-def _run_all(asked: _Asked, runs: Mapping[str, _TrajectoryRun]) -> dict[str, dict[str, Breakdown[Statistics]]]:
-    """Run every trajectory to the end and show its figures."""
-    progress, shown, breakdowns = progress_of(asked.options.progress), asked.options.shown, {}
-    for name, run in runs.items():
-        early = shown and run.loop.segment <= EARLY < asked.trials
-        for trials in (EARLY, asked.trials) if early else (asked.trials,):
-            run.loop.reach(trials, partial(progress, name), asked=asked.trials)
-            breakdowns[name] = asked.breakdowns(run, trials)
-            if shown:
-                shown(name, trials, breakdowns[name])
-    return breakdowns
-
-
-def _until_stable(
-    asked: _Asked, runs: Mapping[str, _TrajectoryRun], goal: Goal
-) -> tuple[int, dict[str, dict[str, Stability]]]:
-    """Run all trajectories block by block until every estimator is stable on each of them; trials, what is reached."""
-    progress, block = progress_of(asked.options.progress), goal.least_block
-    pairs = [(name, k) for name in runs for k in range(len(asked.estimators))]
-    blocks = {pair: Blocks(goal, len(pairs)) for pair in pairs}
-    needed = most = asked.trials
-    for trials in range(block, most + 1, block):
-        for place, (name, run) in enumerate(runs.items()):
-            others = place * trials + (len(runs) - 1 - place) * (trials - block)  # those of all trajectories together
-            run.loop.reach(trials, lambda done, _: progress("adaptive", others + done, len(runs) * needed))  # noqa: B023
-            error = run.errors(trials - block, trials, asked.truth)[:, :, 0]
-            for k in range(len(asked.estimators)):
-                blocks[name, k].add(error[:, k])
-        stability = {pair: blocks[pair].stability() for pair in pairs}
-        if all(reached.stable for reached in stability.values()):
-            break
-        needed = min(most, max(trials + block, *(reached.trials_needed(trials) for reached in stability.values())))
-    return trials, {name: {e.name: stability[name, k] for k, e in enumerate(asked.estimators)} for name in runs}
 
 
 def _limits(stability: Mapping[str, Mapping[str, Stability]] | None, trials: int) -> list[str]:
@@ -288,18 +285,3 @@ def _limits(stability: Mapping[str, Mapping[str, Stability]] | None, trials: int
         for estimator, reached in estimators.items()
         if not reached.stable
     ]
-
-
-def _identity(asked: _Asked, devices: Sequence[jax.Device]) -> dict[str, Any]:
-    """Return the settings that a checkpoint and a campaign must share for the same bits to come out."""
-    return {
-        "seed": asked.seed,
-        **asked.settings,
-        "batch": asked.options.batch,
-        "experiment": asked.experiment.inputs()["resolved"],
-        "estimators": [e.name for e in asked.estimators],
-        "sums": str(jnp.result_type(float)),
-        "devices": devices[0].device_kind,
-        "jax": jax.__version__,
-        "code": code_digest(),
-    }

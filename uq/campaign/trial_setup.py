@@ -12,8 +12,8 @@ from uq.experiment.experiment import Experiment, ExperimentError, TrajectorySpec
 from uq.gram_sums.cases import Estimator
 from uq.gram_sums.error_maps import Platform
 from uq.sources.draws import BLOCK
-from uq.trials.chooser import Choice, engine_of
-from uq.trials.engine import TrialSetting
+from uq.trials.chooser import engine_of
+from uq.trials.engine import Engine, TrialSetting
 from uq.trials.trial_loop import RUN_ONCE
 
 _sampled = jax.jit(sample, compiler_options=RUN_ONCE)
@@ -37,8 +37,8 @@ def setting_of(
 
 def prepare_engine(
     experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[EstimatorSpec], **choice: Any
-) -> Choice:
-    """Return the engine of an experiment's trials on one trajectory; see :func:`setting_of`.
+) -> tuple[Engine, dict[str, Any]]:
+    """Return the engine of an experiment's trials on one trajectory, and how it was chosen; see :func:`setting_of`.
 
     Further arguments are those of :func:`uq.trials.chooser.engine_of`.
     """

@@ -141,7 +141,7 @@ class Experiment(Shown):
         report = plain_values(document.get("report", {}))
         refuse_claims(report)
         file = declared_table("", _with_new_names(document), ExperimentFile)
-        sources, mixing = sources_of(file.source, file.correlation, folder)
+        sources, mixing = sources_of(file.source, document.get("source", ()), file.correlation, folder)
         body, platform, recording = file.body or BodyTable(), file.platform, file.recording
         if recording.urdf is not None:
             recording = msgspec.structs.replace(recording, urdf=str(folder / recording.urdf))

@@ -1,7 +1,7 @@
 """The tables of an experiment file together, and the small ones among them: body, estimators, scale, datum, fixture."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -20,7 +20,7 @@ from uq.experiment.trajectory_table import HarmonicTable, MultisineTable, Sphere
 from uq.experiment.undeclared_table import UndeclaredTable
 from uq.files.schema import ROTATION, Axes, Component, in_unit, vector
 from uq.sources.correlations import LinkTable
-from uq.sources.source_table import WrittenSource, read_source
+from uq.sources.source_table import read_source
 
 Metre = Annotated[float, in_unit("m")]
 Moment = Annotated[float, in_unit("kg*m^2", above=0)]
@@ -180,7 +180,7 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     trajectory: Mapping[str, SphereTable | HarmonicTable | MultisineTable] = {}
     """Trajectories by their names."""
     estimator: tuple[EstimatorTable, ...] = ()
-    source: tuple[Annotated[WrittenSource, written(read_source, {})], ...] = ()
+    source: tuple[Annotated[Any, written(read_source, {})], ...] = ()
     """Sources of error."""
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""

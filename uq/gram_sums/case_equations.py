@@ -15,6 +15,7 @@ from jaxtyping import Float
 from identify.estimators.gram import triangular_root
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS, Array, ArrayT, library_of
 from uq.gram_sums.noise_algebra import expectation_terms
+from uq.gram_sums.run_sums import FeatureSums
 
 OF_OMEGA_R = slice(4, 13)
 """Features in which Omega_R is linear: the products of omega, and alpha."""
@@ -49,13 +50,6 @@ def _weights() -> np.ndarray:
 
 WEIGHTS = _weights()
 RIGHT_SIDE = OMEGA_R_OF_FEATURES[OF_OMEGA_R].transpose(2, 0, 1).reshape(6, 27)
-
-
-class FeatureSums(NamedTuple):
-    """Sums of one case: the features' Gram matrix and their sums with the wrench, before errors map them."""
-
-    gram: Float[Array, "elements elements *#trials"]
-    wrench: Float[Array, "elements columns *#trials"]
 
 
 class NoiseExpectation(NamedTuple):

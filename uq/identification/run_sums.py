@@ -12,7 +12,6 @@ by the errors is that of the estimate. H takes the place of the undisturbed elem
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -31,14 +30,11 @@ from identify.sums.residual_spectrum import Lines
 from identify.sums.run_lines import unbroken, usable_rows
 from uq.gram_sums.case_equations import feature_map
 from uq.gram_sums.error_maps import Columns, gyro_map, true_elements
+from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
 """Number of elements of the true motion: 1, omega, its products, t, t omega, t², alpha."""
-NODES = 7
-"""Delays at which the sums are taken; between them they are interpolated by a polynomial."""
-REACH = 5.0
-"""Standard deviations of a delay that the nodes span."""
 FEATURES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17])
 """Indices of the thirteen features among the elements."""
 FORCE, MOMENT, UP = (slice(ELEMENTS + k, ELEMENTS + k + 3) for k in (0, 3, 6))
@@ -48,23 +44,6 @@ BLOCK = 2**15
 """Samples of a block."""
 SPLINE = 64
 """Samples at a block's end that the spline through it may be wrong in; it is wrong by 0.27 to this power."""
-
-
-class WeightedSums(NamedTuple):
-    """Weighted sums over the samples of one run, or of several of one mounting; the delays lead."""
-
-    gram: Float[Array, "delays 18 18"]
-    """Sums of products of the elements, or of the 3 × 6 numbers of H, with the elements."""
-    wrench: Float[Array, "delays 18 columns"]
-    """Sums of the same rows' products with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
-
-
-def delay_nodes(mean: float, sigma: float) -> np.ndarray:
-    """Return the delays [s] at which sums are taken: Chebyshev's, no delay among what they span."""
-    low, high = min(0.0, mean - REACH * sigma), max(0.0, mean + REACH * sigma)
-    if low == high:
-        return np.zeros(1)
-    return (low + high) / 2 + (high - low) / 2 * np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 
 
 def run_sums(
@@ -78,7 +57,7 @@ def run_sums(
     weight: float = 1.0,
     delays: Sequence[float] | np.ndarray = (0.0,),
     weighed: np.ndarray | None = None,
-) -> WeightedSums:
+) -> RunSums:
     """Return a run's sums.
 
     Args:
@@ -89,7 +68,7 @@ def run_sums(
         columns: functions of time that the measured wrench is made of.
         offsets: how constant offsets are removed.
         weight: of the run among others.
-        delays: of the angular velocity, at which sums are taken [s].
+        delays: of the angular velocity, at which sums are taken [s], of :func:`uq.gram_sums.run_sums.delay_nodes`.
         weighed: H on the first lines of the cosine transform, (k, 3, 6); None: ordinary least squares.
 
     Raises:
@@ -121,11 +100,10 @@ def run_sums(
         ):
             products[k] += (elements if fixed_rows is None else fixed_rows) @ signals.T
             totals[k] += signals.sum(axis=1)
-    sums = weighted_sums(
-        products, totals, r_cg=r_cg, inertia=inertia, columns=columns, centred=offsets == "estimate",
-        rest=resting(run) if offsets == "still" else None,
+    return sums_of_signals(
+        weight * products, weight * totals, delays=np.asarray(delays), r_cg=r_cg, inertia=inertia, columns=columns,
+        centred=offsets == "estimate", rest=resting(run) if offsets == "still" else None,
     )  # fmt: skip
-    return WeightedSums(weight * sums.gram, weight * sums.wrench)
 
 
 def delayed_signals(
@@ -160,21 +138,23 @@ def delayed_signals(
         yield elements, np.concatenate([elements, signals])
 
 
-def weighted_sums(
+def sums_of_signals(
     products: Float[np.ndarray, "delays 18 45"],
     totals: Float[np.ndarray, "delays 45"],
     *,
+    delays: Float[np.ndarray, " delays"],
     r_cg: Float[np.ndarray, "3"],
     inertia: Float[np.ndarray, "6"],
     columns: Columns,
     centred: bool,
     rest: Rest | None = None,
-) -> WeightedSums:
+) -> RunSums:
     """Return the sums of a fitted run from those of its signals.
 
     Args:
         products: of the delayed elements, or of H, with delayed elements and signals; see :func:`delayed_signals`.
         totals: sums of delayed elements and signals.
+        delays: of the angular velocity, at which these are taken [s].
         r_cg: centre of gravity from Q, in B [m].
         inertia: packed tensor about the centre of gravity [kg·m²].
         columns: functions of time that the measured wrench is made of.
@@ -192,7 +172,7 @@ def weighted_sums(
         parts += [signal[4:10], signal[15:18], np.zeros((6, SIGNALS)), signal[UP]]
     if centred:
         products = products - products[:, :, :1] * (totals / totals[:, :1])[:, None]
-    return WeightedSums(products[:, :, :ELEMENTS], products[:, :, ELEMENTS:] @ np.concatenate(parts).T)
+    return RunSums.through(delays, products[:, :, :ELEMENTS], products[:, :, ELEMENTS:] @ np.concatenate(parts).T)
 
 
 def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndarray, "18 n"]:
@@ -200,34 +180,22 @@ def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndar
     return np.stack([lines.samples(column) for column in weighed.reshape(len(weighed), -1).T])
 
 
-def added(runs: Sequence[WeightedSums]) -> WeightedSums:
-    """Return the sums of several runs together."""
-    return WeightedSums(*(np.sum(parts, axis=0) for parts in zip(*runs, strict=True)))
-
-
-def measured(
-    sums: WeightedSums, errors: Errors, columns: Float[Array, "6 columns"], at: Float[Array, " delays"]
-) -> Sums:
+def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"]) -> Sums:
     """Return the sums of the signals of sensors with these errors.
 
     Args:
         sums: of the run.
         errors: constant errors.
         columns: what they make of the wrench, :meth:`uq.gram_sums.error_maps.Columns.map`.
-        at: weights of the delays.
     """
-    gram, wrench = _at_delay(sums, at)
+    gram, wrench = _delayed(sums, errors)
     elements = _features(errors)
     both = elements @ (wrench @ columns.T) + (elements @ gram[:, 0])[:, None] * errors.cell_bias[None]
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
 
 
 def weighed_equations(
-    sums: WeightedSums,
-    errors: Errors,
-    columns: Float[Array, "6 columns"],
-    at: Float[Array, " delays"],
-    r_cg: Float[Array, "3"],
+    sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], r_cg: Float[Array, "3"]
 ) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
     """Return ``Hᵀ Omega_R'`` and ``Hᵀ (M' - r' × F')`` of the signals of sensors with these errors.
 
@@ -235,10 +203,9 @@ def weighed_equations(
         sums: of the run, with H.
         errors: constant errors.
         columns: what they make of the wrench.
-        at: weights of the delays.
         r_cg: believed centre of gravity, ``r'`` [m].
     """
-    gram, wrench = _at_delay(sums, at)
+    gram, wrench = _delayed(sums, errors)
     rows = (gram @ _features(errors).T).reshape(3, 6, -1)
     both = (wrench @ columns.T + gram[:, :1] * errors.cell_bias[None]).reshape(3, 6, 6)
     xp = library_of(both, r_cg)
@@ -246,25 +213,13 @@ def weighed_equations(
     return library_of(rows).einsum("apk,kaq->pq", rows, OMEGA_R_OF_FEATURES), xp.einsum("apa->p", about_cg)
 
 
+def _delayed(sums: RunSums, errors: Errors) -> FeatureSums:
+    return sums.at(sums.nearest(errors.gyro_delay))
+
+
 def _features(errors: Errors) -> Float[Array, "13 18"]:
     """Return the matrix that gives the features of the measured angular velocity from the elements of the true one."""
     return feature_map(gyro_map(errors), errors.gyro_bias, errors.gyro_drift)
-
-
-def _at_delay(sums: WeightedSums, at: Float[Array, " delays"]) -> WeightedSums:
-    """The sums at a delay, from those at the nodes."""
-    xp = library_of(*sums, at)
-    return WeightedSums(*(xp.tensordot(at, part, axes=1) for part in sums))
-
-
-def delay_weights(nodes: Float[Array, " delays"], delay: Float[Array, ""]) -> Float[Array, " delays"]:
-    """Return the weights of Lagrange's polynomial through the nodes, at a delay [s] within them."""
-    if len(nodes) == 1:
-        return np.ones(1)
-    xp, same = library_of(nodes, delay), np.eye(len(nodes), dtype=bool)
-    inside = xp.clip(delay, xp.min(nodes), xp.max(nodes))
-    apart = xp.where(same, 1.0, nodes[:, None] - nodes[None])
-    return xp.prod(xp.where(same, 1.0, (inside - nodes)[None] / apart), axis=1)
 
 
 def elements_of(run: Run, omega: np.ndarray, estimator: EstimatorSpec, begin: float) -> Float[np.ndarray, "18 m"]:

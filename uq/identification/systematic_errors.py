@@ -27,16 +27,9 @@ from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.identification.estimated_errors import draw_root
-from uq.identification.run_sums import (
-    WeightedSums,
-    added,
-    delay_nodes,
-    delay_weights,
-    measured,
-    run_sums,
-    weighed_equations,
-)
+from uq.identification.run_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
@@ -46,6 +39,8 @@ TRIALS = 10_000
 """Draws of the systematic errors."""
 BATCH = 25
 """Trials at a time, which bounds memory."""
+REACH = 5.0
+"""Standard deviations of a delay that the sums span; a draw beyond, one of two million, counts as the last within."""
 HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
 OF_THE_RIG = frozenset(
@@ -68,14 +63,12 @@ class Systematic(NamedTuple):
 class SystematicProblem(Pytree):
     """Everything that a draw of the systematic errors needs: nothing grows with the runs' length."""
 
-    sums: tuple[WeightedSums, ...]
+    sums: tuple[RunSums, ...]
     """Sums over the runs of each mounting."""
     body: Body
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    nodes: Float[Array, " delays"]
-    """Delays of the sums [s]."""
     columns: Columns
     sources_of_poses: tuple[Source, ...]
     """Sources that act on the sums and have acted on the static poses, too; they are not drawn."""
@@ -248,13 +241,14 @@ def problem_of(
         for run, fitted in zip(runs, result.runs, strict=True)
     ]
     by_mounting = tuple(
-        added([part for part, name in zip(sums, names, strict=True) if name == mounting]) for mounting in mountings
+        RunSums.total([part for part, name in zip(sums, names, strict=True) if name == mounting])
+        for mounting in mountings
     )
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
-        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, nodes=nodes, columns=columns,
+        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, columns=columns,
         sources_of_poses=of_poses,
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
@@ -300,7 +294,9 @@ def nodes_of(sources: Sequence[Source], *, slopes: bool = False) -> np.ndarray:
     delays = [source for source in sources if source.perturbs == "gyro_delay"]
     mean = float(sum(np.sum(source.mean) for source in delays))
     sigma = float(np.sqrt(sum(np.sum(np.square(source.standard_deviation)) for source in delays)))
-    return sigma * np.arange(-1, 2) if slopes and sigma > 0 else delay_nodes(mean, sigma)
+    if slopes:
+        return delay_nodes(-sigma, sigma, 3)
+    return delay_nodes(min(0.0, mean - REACH * sigma), max(0.0, mean + REACH * sigma))
 
 
 def draws(problem: SystematicProblem, key: Key[Array, ""], index: Any) -> list[dict[str, jax.Array]]:
@@ -325,11 +321,11 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
         if problem.offsets == "still":
             error = error._replace(cell_bias=np.zeros(6))
         columns = problem.columns.map(problem.body, problem.platform, error)
-        at, r_cg = delay_weights(problem.nodes, error.gyro_delay), problem.body.r_cg_from_q + error.r_cg
+        r_cg = problem.body.r_cg_from_q + error.r_cg
         if problem.weighed:
-            matrix, side = weighed_equations(sums, error, columns, at, r_cg)
+            matrix, side = weighed_equations(sums, error, columns, r_cg)
         else:
-            matrix, side = normal_equations(measured(sums, error, columns, at), r_cg)
+            matrix, side = normal_equations(measured(sums, error, columns), r_cg)
         normal, right = normal + matrix, right + side
     return normal, right
 

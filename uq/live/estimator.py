@@ -16,10 +16,11 @@ from rig.mcap.message_definitions import IMU, WRENCH
 from rig.record.recorder import MEANING
 from rig.record.rig_file import Rig, load_rig
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.identification.systematic_errors import nodes_of
 from uq.live.estimate_lines import block_of, line_of
 from uq.live.foxglove_server import Viewer
 from uq.live.growing_run import GrowingRun
-from uq.live.live_estimate import LiveEstimate, estimated, nodes_of, sources_in
+from uq.live.live_estimate import LiveEstimate, estimated, sources_in
 from uq.live.running_sums import RunningSums
 from uq.recorded.declared_channels import declared
 

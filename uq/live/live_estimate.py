@@ -22,8 +22,8 @@ from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
-from uq.identification.run_sums import FEATURES, FORCE, MOMENT, weighted_sums
-from uq.identification.systematic_errors import Systematic, SystematicProblem, nodes_of, propagated
+from uq.identification.run_sums import FEATURES, FORCE, MOMENT, sums_of_signals
+from uq.identification.systematic_errors import Systematic, SystematicProblem, propagated
 from uq.identification.undeclared import tensor_changes
 from uq.live.running_sums import RunningSums
 from uq.sources.source import Source
@@ -217,13 +217,14 @@ def _problem(
     """Return the problem of the sources' draws, from the sums."""
     names = {source.name for source in sources}
     columns, r_cg = Columns.of(sources), experiment.stated_r_cg
-    totals = sums.delayed[:, 0]
-    weighted = weighted_sums(sums.delayed, totals, r_cg=r_cg, inertia=inertia, columns=columns, centred=True)
+    of_run = sums_of_signals(
+        sums.delayed, sums.delayed[:, 0], delays=sums.delays, r_cg=r_cg, inertia=inertia, columns=columns, centred=True
+    )
     mass = experiment.mass if experiment.scale is None else experiment.scale[0]
     return SystematicProblem(
-        sums=(weighted,), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
+        sums=(of_run,), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
         platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
-        mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)), nodes=nodes_of(sources),
+        mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)),
         columns=columns, sources_of_poses=(), redrawn=frozenset(), offsets="estimate", weighed=False,
     )  # fmt: skip
 

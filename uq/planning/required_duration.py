@@ -202,7 +202,7 @@ def _undeclared(experiment: Experiment, trajectory: str, estimator: str | None) 
     """Variance of the tensor by the law of errors that the experiment does not declare, at typical size, (6,)."""
     chosen = experiment.estimator(estimator).name
     (run,) = prepare_law(replace(experiment, sources=()), trajectory, chosen).runs.values()
-    force, moment = (float(np.max(run.sums.peaks.largest[signal])) for signal in ("F", "M"))
+    force, moment = (float(np.max(run.peaks.largest[signal])) for signal in ("F", "M"))
     errors = typical_errors(experiment, (force, moment))
     return (
         np.diag(law(errors, trajectory, chosen)[trajectory, chosen].total.covariance) if errors.sources else np.zeros(6)

@@ -98,7 +98,7 @@ def parts_of(
     alone = [Case(s.name, random.sources & {s.name}) for s in sources]
     both = list(combinations(range(len(sources)), 2))
     cases = [*alone, *(Case("", alone[i].sources | alone[j].sources) for i, j in both)]
-    inputs = inputs_of_cases(cases, constants, sources, experiment.mixing, rate, run.sums.peaks)
+    inputs = inputs_of_cases(cases, constants, sources, experiment.mixing, rate, run.peaks)
     n = len(sources)
     gyro, expected = inputs.gyro[:n].sum(axis=0), constants.errors @ constants.mean
     quiet = run.expansion(expected, np.zeros(3), constants.errors)

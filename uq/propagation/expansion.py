@@ -20,19 +20,14 @@ from identify.estimators.gram import solve_normal
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array, cross_matrix, library_of
 from uq.gram_sums.case_equations import (
-    FeatureSums,
     NoiseExpectation,
     feature_map,
     symmetric,
 )
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
 from uq.gram_sums.packed_equations import packed_equations, solution_series
+from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, no_errors, unravel
-
-DelayedSums = tuple[FeatureSums, FeatureSums, FeatureSums]
-"""Noise-free sums of the 18 elements of :func:`uq.gram_sums.case_equations.feature_map` with themselves and with the
-columns of :class:`uq.gram_sums.error_maps.Columns`, to which 1 is added as the last; then their first and second
-derivatives by a delay of the gyro [1/s, 1/s²]."""
 
 
 class Series(NamedTuple):
@@ -129,19 +124,20 @@ def mapped_sums(maps: ErrorMaps, sums: FeatureSums) -> tuple[Any, Any]:
     return features @ sums.gram @ features.T, features @ sums.wrench @ maps.moment.T
 
 
-def delayed(sums: DelayedSums, delay: Any) -> FeatureSums:
-    """Return an estimator's sums at a delay of the gyro [s], a number or a :class:`Series`."""
-    if not isinstance(delay, Series):
-        return FeatureSums(*(a + delay * b + delay**2 / 2 * c for a, b, c in zip(*sums, strict=True)))
-    now = delayed(sums, delay.value)
+def delayed(sums: RunSums, delay: Series) -> FeatureSums:
+    """Return an estimator's sums as functions of the numbers that move the delay of the gyro [s].
+
+    By the chain rule, for a delay that is linear in them: ``S′ τ_i`` and ``S″ τ_i τ_j``. Where none of them moves it,
+    as mostly, the sums stay plain matrices, which saves all their products' derivatives.
+    """
+    now = sums.at(delay.value)
     if not delay.first.any():
         return now
+    slope = sums.derivative()
+    first, second = slope.at(delay.value), slope.derivative().at(delay.value)
     by_delay = delay.first[:, None, None]
-
-    def series(value: Array, first: Array, second: Array) -> Series:
-        return Series(value, by_delay * (first + delay.value * second), by_delay[:, None] * by_delay * second)
-
-    return FeatureSums._make(series(*orders) for orders in zip(now, *sums[1:], strict=True))
+    orders = zip(now, (by_delay * x for x in first), (by_delay[:, None] * by_delay * x for x in second), strict=True)
+    return FeatureSums._make(Series(*x) for x in orders)
 
 
 class Expansion(NamedTuple):
@@ -156,12 +152,12 @@ class Expansion(NamedTuple):
     twice_by_equations: Float[np.ndarray, "*n 6 27 27"]
 
 
-def expand(maps: ErrorMaps, sums: DelayedSums, noise: NoiseExpectation) -> Expansion:
+def expand(maps: ErrorMaps, sums: RunSums, noise: NoiseExpectation) -> Expansion:
     """Expand one estimator's estimate about a point, to the second order.
 
     Args:
         maps: of the constant errors, as :class:`Series` about their expectation.
-        sums: of the run, without noise.
+        sums: of the estimator over the run, without noise: their second order in the delay at least.
         noise: what the gyro's noise adds to expected sums; zero for the noise-free run.
     """
     gram, moment = mapped_sums(maps, delayed(sums, maps.delay))

@@ -71,7 +71,7 @@ class PreparedLaw:
             )
         mixing, results = self.experiment.mixing, {}
         for run in self.runs.values():
-            check_law(sources, mixing, run.sums.peaks)
+            check_law(sources, mixing, run.peaks)
         constants = constants_of(sources, mixing)
         random, undrawn = zip(*(without_undrawn(case, sources) for case in cases), strict=True)
         experiment = replace(self.experiment, sources=tuple(sources))
@@ -79,7 +79,7 @@ class PreparedLaw:
         for name, run in self.runs.items():
             spec = self.experiment.trajectories[name]
             if spec.rate not in at_rate:
-                at_rate[spec.rate] = inputs_of_cases(random, constants, sources, mixing, spec.rate, run.sums.peaks)
+                at_rate[spec.rate] = inputs_of_cases(random, constants, sources, mixing, spec.rate, run.peaks)
             statistics = _of_run(run, constants, at_rate[spec.rate])
             same = undrawn_errors(experiment, spec, self.estimators, run, set(undrawn))
             results[name] = {

@@ -18,11 +18,12 @@ from identify.rigid_body.inertia import Body, unpack
 from identify.rigid_body.regressor import omega_r
 from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.gram_sums.case_equations import FeatureSums, noise_expectation
+from uq.gram_sums.case_equations import noise_expectation
 from uq.gram_sums.cases import cases_of
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.packed_equations import about_cg, packed_equations
-from uq.propagation.expansion import DelayedSums, delayed, error_maps, mapped_sums, tensor_of
+from uq.gram_sums.run_sums import RunSums
+from uq.propagation.expansion import error_maps, mapped_sums, tensor_of
 from uq.propagation.inputs import constants_of, inputs_of_cases
 from uq.propagation.run_sums import jerk_of
 from uq.propagation.uncovered_sources import ANYWHERE, BeyondLawError, beyond_the_prediction
@@ -110,7 +111,7 @@ class Prediction(Pytree):
 
         def estimate(error):
             maps = error_maps(self.body, self.platform, self.columns, unravel(self.expected + error))
-            return tensor_of(packed_equations(*mapped_sums(maps, delayed(sums, maps.delay)), expectation))
+            return tensor_of(packed_equations(*mapped_sums(maps, sums.at(maps.delay)), expectation))
 
         there = self.directions.T
         value, more, less = jnp.split(
@@ -142,8 +143,8 @@ class Prediction(Pytree):
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)
         return jnp.einsum("n,nji,i,nki->jk", weights, acts, self.gyro, acts)
 
-    def _sums(self, motion: Motion, jerk: Array, weights: Float[Array, " n"]) -> DelayedSums:
-        """Sums without noise, and their derivatives by a delay of the gyro.
+    def _sums(self, motion: Motion, jerk: Array, weights: Float[Array, " n"]) -> RunSums:
+        """Sums without noise, and their second order in a delay of the gyro.
 
         From rest to rest, or over a period, the sums of omega's and alpha's products do not know a delay, and
         ``Σ x'' y = -Σ x' y'``: the second derivative needs no more than the jerk. It is taken of ``M - r × F`` alone.
@@ -156,16 +157,14 @@ class Prediction(Pytree):
             return jnp.concatenate([true_elements(omega, alpha, t), alpha])
 
         def sums(phi):
-            return FeatureSums(weights[None] * phi @ phi.T, weights[None] * phi @ wrench.T)
+            return weights[None] * phi @ phi.T, weights[None] * phi @ wrench.T
 
         phi, slopes = jax.jvp(features, (jnp.zeros(()),), (jnp.ones(()),))
-        now, later = jax.jvp(sums, (phi,), (slopes,))
+        (gram, with_wrench), slope = jax.jvp(sums, (phi,), (slopes,))
         moment_rate = lambda *at: jax.jvp(lambda w, a: omega_r(w, a) @ self.body.inertia, at[:2], at[1:])[1]  # noqa: E731
         moment = jax.vmap(moment_rate, in_axes=(1, 1, 1), out_axes=1)(motion.omega, motion.alpha, jerk)
-        twice = FeatureSums(
-            jnp.zeros_like(now.gram), jnp.zeros_like(now.wrench).at[:, 3:6].set(weights[None] * slopes @ moment.T)
-        )
-        return now, later, twice
+        bent = jnp.zeros_like(with_wrench).at[:, 3:6].set(weights[None] * slopes @ moment.T / 2)
+        return RunSums(jnp.stack([gram, slope[0], jnp.zeros_like(gram)]), jnp.stack([with_wrench, slope[1], bent]))
 
 
 def predicted(experiment: Experiment, spec: TrajectorySpec, rate: float, gain: float) -> Predicted:

@@ -18,17 +18,14 @@ from jaxtyping import Float
 from identify.rigid_body.inertia import Body
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
-from uq.gram_sums.case_equations import NO_NOISE, FeatureSums
+from uq.gram_sums.case_equations import NO_NOISE
 from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.noise_moments import RunMoments
 from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
-from uq.propagation.expansion import (
-    Expansion,
-    error_maps,
-    expand,
-    map_series,
-    mapped_sums,
-)
-from uq.propagation.run_sums import RunSums, run_sums
+from uq.gram_sums.run_sums import FeatureSums, RunSums
+from uq.propagation.expansion import Expansion, error_maps, expand, map_series, mapped_sums
+from uq.propagation.run_sums import run_sums
+from uq.propagation.uncovered_sources import Peaks
 from uq.sources.constant_errors import no_errors, perturbed, unravel
 from uq.sources.noise_filters import GyroNoise
 
@@ -62,6 +59,10 @@ class PreparedRun:
     platform: Platform
     columns: Columns
     sums: RunSums
+    """Sums of every estimator, without noise."""
+    moments: RunMoments
+    peaks: Peaks
+    """Largest values and steps of the signals."""
     kept: "Recent" = field(default_factory=lambda: Recent(MOST_EXPANSIONS), repr=False, compare=False)
 
     def expansion(self, expected: np.ndarray, variance: np.ndarray, errors: Float[np.ndarray, "e d"]) -> Expansion:
@@ -78,20 +79,24 @@ class PreparedRun:
     def _expanded(self, expected: np.ndarray, noise: GyroNoise, errors: np.ndarray) -> Expansion:
         fields = tuple(name for name, rows in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(rows))
         maps = jax.tree.map(np.asarray, map_series(self.body, self.platform, self.columns, expected, errors, fields))
-        expectation = self.sums.moments.expectation
-        return stacked([expand(maps, sums, expectation(noise, k)) for k, sums in enumerate(self.sums.noise_free)])
+        expectation = self.moments.expectation
+        return stacked([expand(maps, self.sums.of_estimator(k), expectation(noise, k)) for k in self._estimators])
+
+    @property
+    def _estimators(self) -> range:
+        return range(self.sums.gram.shape[1])
 
     def scatter(self, variance: np.ndarray) -> Scatter:
         """Return what omega's white noise of this variance [rad²/s²] does to the sums."""
         return self.kept.get(variance.tobytes(), lambda: self._scattered(GyroNoise.white(np.diag(variance))))
 
     def _scattered(self, noise: GyroNoise) -> Scatter:
-        moments = self.sums.moments
+        moments, undelayed = self.moments, self.sums.at(0.0)
         covariance, linear = moments.covariance(noise), moments.linear_covariance(noise)
         maps = error_maps(self.body, self.platform, self.columns, no_errors())
 
-        def scatter(k: int, sums: FeatureSums) -> Scatter:
-            gram, moment = mapped_sums(maps, sums)
+        def scatter(k: int) -> Scatter:
+            gram, moment = mapped_sums(maps, FeatureSums(undelayed.gram[k], undelayed.wrench[k]))
             rows = equations_of_products(moments.algebra, k, np.asarray(self.body.r_cg_from_q))
             noisy, quiet = moments.expectation(noise, k, fourth_order=False), NO_NOISE
             return Scatter(
@@ -100,7 +105,7 @@ class PreparedRun:
                 change=packed_equations(gram, moment, noisy) - packed_equations(gram, moment, quiet),
             )  # fmt: skip
 
-        return stacked([scatter(k, sums) for k, (sums, *_) in enumerate(self.sums.noise_free)])
+        return stacked([scatter(k) for k in self._estimators])
 
     def cell_scatter(self, by_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """Return the covariance of the normal equations under the load cell's noise; see :func:`cell_scatter`."""
@@ -153,11 +158,11 @@ def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[
 
     def summed() -> PreparedRun:
         body = jax.tree.map(np.asarray, experiment.body)
-        sums = run_sums(
+        sums, moments, peaks = run_sums(
             trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, columns=columns,
             taps=[estimator.taps for estimator in estimators], delayed=delayed,
         )  # fmt: skip
-        return PreparedRun(body, platform, columns, sums)
+        return PreparedRun(body=body, platform=platform, columns=columns, sums=sums, moments=moments, peaks=peaks)
 
     return RUNS.get(_digest(parts), summed)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 from operator import add
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,25 +18,14 @@ from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.differentiate import padded_derivative
-from uq.gram_sums.case_equations import FeatureSums
 from uq.gram_sums.error_maps import Columns, Platform, true_elements
 from uq.gram_sums.noise_moments import PIECE, RunMoments, run_moments
-from uq.propagation.expansion import DelayedSums
+from uq.gram_sums.run_sums import RunSums
 from uq.propagation.uncovered_sources import Peaks
 from uq.sources.source import SIGNALS
 
 REST = 1e-9
 """Change from one sample to the next, in parts of the signal's largest value, up to which it rests."""
-
-
-class RunSums(NamedTuple):
-    """Sums over one run: all that the law depends on, whatever the size of the errors."""
-
-    noise_free: tuple[DelayedSums, ...]
-    """Every estimator's."""
-    moments: RunMoments
-    peaks: Peaks
-    """Largest values and steps of the signals."""
 
 
 class _Piece(NamedTuple):
@@ -53,9 +42,7 @@ class _Piece(NamedTuple):
 class _PieceSums:
     """Sums over some pieces of a run."""
 
-    gram: Float[np.ndarray, "orders estimators 18 18"]
-    """And its derivatives by a delay."""
-    wrench: Float[np.ndarray, "orders estimators 18 columns"]
+    sums: RunSums
     moments: RunMoments
     squared_steps: Float[np.ndarray, "9"]
     """Squares of what force, moment and omega go from one sample to the next."""
@@ -66,7 +53,7 @@ class _PieceSums:
 
     def __add__(self, other: "_PieceSums") -> "_PieceSums":
         return _PieceSums(
-            gram=self.gram + other.gram, wrench=self.wrench + other.wrench, moments=self.moments + other.moments,
+            sums=RunSums.total([self.sums, other.sums]), moments=self.moments + other.moments,
             squared_steps=self.squared_steps + other.squared_steps,
             resting_steps=self.resting_steps + other.resting_steps, largest=np.maximum(self.largest, other.largest),
         )  # fmt: skip
@@ -75,8 +62,8 @@ class _PieceSums:
 def run_sums(
     trajectory: Trajectory, count: int, rate: float, body: Body, platform: Platform, taps: Sequence[Array],
     columns: Columns, delayed: bool,
-) -> RunSums:  # fmt: skip
-    """Sum over a run's samples.
+) -> tuple[RunSums, RunMoments, Peaks]:  # fmt: skip
+    """Sum over a run's samples: all that the law depends on, whatever the size of the errors.
 
     Args:
         trajectory: the motion.
@@ -86,20 +73,17 @@ def run_sums(
         platform: what carries it.
         taps: every estimator's differentiator.
         columns: the functions of time that the sources need.
-        delayed: whether the sums' derivatives by a delay of the gyro are needed; else they are zero.
+        delayed: whether the sums' second order in a delay of the gyro is needed.
     """
     differentiators, still_body = [np.asarray(h) for h in taps], jax.tree.map(np.asarray, body)
     pieces = _pieces(trajectory, count, rate, platform, 3 * max(map(len, differentiators)), delayed)
     sums = reduce(add, (_summed(piece, count, still_body, columns, differentiators) for piece in pieces))
-    orders = [np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))]) for x in (sums.gram, sums.wrench)]
-    by_estimator = zip(*(x.swapaxes(0, 1) for x in orders), strict=True)
-    noise_free: Any = tuple(tuple(map(FeatureSums, *both)) for both in by_estimator)
     steps = max(count - 1, 1)
     largest, moves, rests = (
         dict(zip(SIGNALS, x.reshape(3, 3), strict=True))
         for x in (sums.largest, np.sqrt(sums.squared_steps / steps), sums.resting_steps / steps)
     )
-    return RunSums(noise_free, sums.moments, Peaks(largest=largest, moves=moves, rests=rests, rate=rate))
+    return sums.sums, sums.moments, Peaks(largest=largest, moves=moves, rests=rests, rate=rate)
 
 
 def _pieces(
@@ -152,8 +136,10 @@ def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Seque
     largest = np.abs(sensed[:, 1:] * inside[inner]).max(axis=1)
     resting = np.abs(steps) <= REST * np.repeat(largest.reshape(3, 3).max(axis=1), 3)[:, None]
     return _PieceSums(
-        gram=np.stack([gram[:, k[:, None], k] for k in chosen], axis=1),
-        wrench=np.stack([with_wrench[:, k] for k in chosen], axis=1),
+        sums=RunSums(
+            np.stack([gram[:, k[:, None], k] for k in chosen], axis=1),
+            np.stack([with_wrench[:, k] for k in chosen], axis=1),
+        ),
         moments=run_moments(signals, valid[differentiable], taps, margin=2 * reach),
         squared_steps=(steps**2).sum(axis=1),
         resting_steps=(resting & both).sum(axis=1).astype(float),
@@ -162,25 +148,26 @@ def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Seque
 
 
 def _elements_by_delay(motion: Motion, by_delay: np.ndarray, taps: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return the elements and their derivatives by a delay, if there is one.
+    """Return the coefficients of the elements' Taylor series in a delay, the second order if there is one.
 
-    They are quadratic in omega, so that differences over steps of any size are exact.
+    With ``ω(t - τ) = ω - α τ + ½ ω″ τ²``. The elements are quadratic in omega, so that differences over steps of any
+    size are exact.
     """
     at = lambda change: _elements(motion.omega + change, motion.t, taps)  # noqa: E731
     now = at(0.0)
     if not len(by_delay):
         return [now]
     (more, less), (later, earlier) = ((at(change), at(-change)) for change in by_delay)
-    return [now, (more - less) / 2, more - 2 * now + less + (later - earlier) / 2]
+    return [now, (more - less) / 2, (more - 2 * now + less + (later - earlier) / 2) / 2]
 
 
-def _gram_by_delay(now: np.ndarray, *derivatives: np.ndarray) -> Float[np.ndarray, "orders elements elements"]:
-    """Return the Gram matrix of elements, and its derivatives where theirs are given."""
-    if not derivatives:
+def _gram_by_delay(now: np.ndarray, *higher: np.ndarray) -> Float[np.ndarray, "orders elements elements"]:
+    """Return the coefficients of the Gram matrix's Taylor series from those of the elements."""
+    if not higher:
         return (now @ now.T)[None]
-    first, second = derivatives
+    first, second = higher
     slope, curvature = first @ now.T, second @ now.T
-    return np.array([now @ now.T, slope + slope.T, curvature + curvature.T + 2 * first @ first.T])
+    return np.array([now @ now.T, slope + slope.T, curvature + curvature.T + first @ first.T])
 
 
 def _elements(omega: np.ndarray, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:

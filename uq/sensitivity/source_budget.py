@@ -29,8 +29,7 @@ from uq.sensitivity.variance_shares import closure, mean, plain_variance
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
 from uq.trials.chooser import EngineName
-from uq.trials.engine import run_trials
-from uq.trials.trial_loop import all_trials, finite_trials
+from uq.trials.trial_loop import finite_trials
 
 
 @explains_names
@@ -76,19 +75,16 @@ def budget(
         raise ExperimentError("no [[source]] in the experiment from which anything is drawn: add one")
     warnings = check_precision(dtype)
     dtype = "float32" if warnings else dtype
-    devices = list(devices or jax.devices())
     chosen = experiment.selected_estimators(estimators)
     twins = twinned(experiment.sources, experiment.mixing)
     doubled = replace(experiment, sources=twins.doubled, mixing=twins.mixing)
     budgets: dict[str, dict[str, SourceBudget]] = {}
     tell = progress_of(progress, "pairs")
     for name, spec in experiment.selected_trajectories(trajectories).items():
-        prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine, dtype=dtype).engine
-        estimates = all_trials(
-            run_trials, prepared, trials, seed, devices=devices, batch=batch or prepared.batch(devices[0]),
-            segment=prepared.segment, progress=partial(tell, f"{name} budget"),
-        )  # fmt: skip
-        errors = np.asarray(estimates) - np.asarray(experiment.body.inertia)
+        prepared, _ = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine, dtype=dtype)
+        loop = prepared.loop(seed, devices=devices, batch=batch)
+        loop.reach(trials, partial(tell, f"{name} budget"))
+        errors = np.asarray(loop.results(trials)) - np.asarray(experiment.body.inertia)
         budgets[name] = {e.name: budget_of(twins, errors[:, k]) for k, e in enumerate(chosen)}
     record = provenance(**experiment.inputs(), seed=seed, trials=trials, engine=engine, dtype=dtype)
     return BudgetResult(

@@ -13,14 +13,6 @@ from uq.sources.draws import Mixing
 from uq.sources.source import Source
 
 
-class SourceEntry(NamedTuple):
-    """One of the ``[[source]]`` tables, with the values that correlations need."""
-
-    source: Source
-    correlation: np.ndarray | None
-    """Correlation matrix of the source's axes; None: they are independent."""
-
-
 class Link(NamedTuple):
     """A correlation between the numbers that two sources draw, from a ``[[correlation]]``."""
 
@@ -82,28 +74,34 @@ def check_correlated(where: str, source: Source) -> None:
         raise ExperimentError(f"{where}: '{source.name}' is not normal, so it cannot be correlated; leave it out")
 
 
-def mixing_of(entries: Sequence[SourceEntry], links: Sequence[Link]) -> tuple[Mixing, ...]:
+def mixing_of(
+    sources: Sequence[Source], of_axes: Mapping[str, np.ndarray], links: Sequence[Link]
+) -> tuple[Mixing, ...]:
     """Return the sets of sources that are correlated, each with its correlation matrix.
+
+    Args:
+        sources: all of them.
+        of_axes: correlation matrices of a source's own axes, by its name.
+        links: correlations between two sources.
 
     Raises:
         ExperimentError: coefficients that no joint distribution has.
     """
-    sets: list[set[str]] = [{entry.source.name} for entry in entries if entry.correlation is not None]
+    sets: list[set[str]] = [{name} for name in of_axes]
     for link in links:
         linked = [names for names in sets if names & set(link.names)]
         sets = [names for names in sets if names not in linked] + [set(link.names).union(*linked)]
-    return tuple(_mixing([entry for entry in entries if entry.source.name in names], links) for names in sets)
+    return tuple(_mixing([source for source in sources if source.name in names], of_axes, links) for names in sets)
 
 
-def _mixing(members: Sequence[SourceEntry], links: Sequence[Link]) -> Mixing:
-    names, axes = zip(*((entry.source.name, int(np.size(entry.source.sigma))) for entry in members), strict=True)
+def _mixing(members: Sequence[Source], of_axes: Mapping[str, np.ndarray], links: Sequence[Link]) -> Mixing:
+    names, axes = zip(*((source.name, int(np.size(source.sigma))) for source in members), strict=True)
     matrix = np.eye(sum(axes))
     mixing = Mixing(names, axes, matrix)
-    axes_of = mixing.places
-    for entry in members:
-        if entry.correlation is not None:
-            matrix[axes_of[entry.source.name], axes_of[entry.source.name]] = entry.correlation
-    for rows, columns, coefficients in ((axes_of[a], axes_of[b], c) for (a, b), c in links if a in axes_of):
+    places = mixing.places
+    for name in of_axes.keys() & places.keys():
+        matrix[places[name], places[name]] = of_axes[name]
+    for rows, columns, coefficients in ((places[a], places[b], c) for (a, b), c in links if a in places):
         matrix[rows, columns], matrix[columns, rows] = coefficients, coefficients.T
     check_correlation(f"correlation of {', '.join(names)}", matrix)
     return mixing

@@ -151,17 +151,21 @@ MANY_SIGMA = 6.0
 """Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
 
 
-class Beside(NamedTuple):
-    """Other sources beside one source in a case, by which a kind decides what sums can simulate."""
+class SumsConditions(NamedTuple):
+    """Run and other sources of a case, by which a kind decides whether sums over samples tell its effect."""
 
-    white: Float[np.ndarray, "3"]
-    """Standard deviation of independent, normal, white noise on the source's signal, axis by axis [SI]."""
-    same_kind: int
+    other_noise: Float[np.ndarray, "3"]
+    """Standard deviation of other sources' independent, normal, white noise on the signal, axis by axis [SI]."""
+    others_of_kind: int
     """Number of other sources of this kind on this signal."""
     remainder: float
     """Error of sums interpolated between delays of the gyro, in parts of the delay's effect."""
     reach: Float[np.ndarray, "3"]
     """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added [SI]."""
+
+
+EVERY_SAMPLE = "changes every sample"
+"""Reason for which a kind with a stage in the sensor's chain is beyond sums and law, unless it says otherwise."""
 
 
 class ErrorKind:
@@ -179,9 +183,9 @@ class ErrorKind:
     """Shape of the draw."""
 
     absence: ClassVar[str] = ""
-    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none.
-
-    A clause that two kinds have falls with a source of either (:mod:`uq.report.assumptions`)."""
+    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
+    acts_as: ClassVar[tuple[str, ...]] = ()
+    """Names of other kinds whose assumptions are false, too, with a source of this one."""
     constant: ClassVar[bool] = False
     """Whether an error of this kind is drawn once an experiment."""
     noise: ClassVar[bool] = False
@@ -189,8 +193,6 @@ class ErrorKind:
     white: ClassVar[bool] = False
     """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
     it."""
-    needs_samples: ClassVar[bool] = False
-    """Whether sums over samples do not tell the error's effect, or only where :meth:`in_sums` says so."""
     in_sums_as: ClassVar[str] = ""
     """Approximation of the error in sums that tell its effect nearly, in words."""
     averages_out: ClassVar[bool] = False
@@ -213,14 +215,15 @@ class ErrorKind:
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
     def own_effects(self, target: str) -> frozenset[tuple[str, str]]:
-        """Return what makes :attr:`absence` false on a target: the fields, words or noise, each with a channel."""
-        marks = [self.absence, self.perturbs.get(target), ("noise" if self.white else "memory") if self.noise else None]
+        """Return what makes :attr:`absence` false on a target: kinds, the field or noise, each with a channel."""
+        noise = ("white noise" if self.white else "noise with a memory") if self.noise else None
+        marks = [self.name, *self.acts_as, self.perturbs.get(target), noise]
         channels = CHANNELS.get(target, (target,))
         return frozenset((mark, channel) for mark in marks if mark for channel in channels)
 
     def effects(self, target: str) -> frozenset[tuple[str, str]]:
         """Return what a source of the kind does, to be met with :meth:`own_effects` of others: all noise is noise."""
-        return self.own_effects(target) | ({("noise", target)} if self.noise else frozenset())
+        return self.own_effects(target) | ({("white noise", target)} if self.noise else frozenset())
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
@@ -303,12 +306,13 @@ class ErrorKind:
         """
         return signal
 
-    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
-        """Return a source whose effect sums over samples tell and that stands for this one, or why there is none.
+    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+        """Return why sums over samples do not tell a source's effect, to follow its name; None: they do."""
+        return None if self.stage is None else EVERY_SAMPLE
 
-        What stands for a source is the same in every case for which there is something.
-        """
-        return f"{source.name} changes every sample" if self.needs_samples else source
+    def in_sums(self, source: Source) -> Source:
+        """Return the source that stands for one in sums, where these tell its effect: the same in every case."""
+        return source
 
     def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
         """Return noise as white noises behind filters, at a sample rate [Hz]: what trials on sums need of it."""
@@ -326,7 +330,7 @@ class ErrorKind:
         """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
         if self.noise and self.white_variance(source, 1.0) is None:
             return "is noise that is not white"
-        return None if self.stage is None else "changes every sample"
+        return None if self.stage is None else EVERY_SAMPLE
 
 
 KINDS: dict[tuple[str, str], ErrorKind] = {}

@@ -5,21 +5,23 @@ With ``[[correlation]]`` also what is correlated; and sources of a file's conten
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rig.exceptions import RigError, listed, quoted
 from rig.read_limits import require_file
-from rig.toml_tables import Name, TomlError, TomlTable, WrongKeyError, read_table, read_value
+from rig.toml_tables import Name, TomlError, TomlTable, WrongKeyError, item_label, read_table, read_value
 from uq.files.document import read_document, with_keys
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import matrix
 from uq.files.units import UnitError, scale
-from uq.sources.correlations import LinkTable, SourceEntry, check_correlated, check_correlation, link_of, mixing_of
+from uq.sources.correlations import LinkTable, check_correlated, check_correlation, link_of, mixing_of
 from uq.sources.datasheet import datasheet
 from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
 from uq.sources.draws import Mixing, stream_number
@@ -93,21 +95,12 @@ MOST_ROWS = 100_000
 """Rows of a file of samples."""
 
 
-class Width(NamedTuple):
-    """Distribution of a source's draw ``mean + sigma * shape``."""
-
-    sigma: np.ndarray
-    mean: np.ndarray
-    shape: Distribution
-
-
-def width_of(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
-    """Return the distribution of a source that is drawn.
+def with_distribution(source: Source, table: Any, folder: Path) -> Source:
+    """Return a source with the distribution of its draw, ``mean + sigma * shape``, as its table states it.
 
     Args:
+        source: of a kind that is drawn, without a distribution so far.
         table: its keys, a :class:`DrawTable` with :func:`draw_keys`.
-        kind: of the source.
-        target: what errs.
         folder: where files of samples are.
 
     Raises:
@@ -116,11 +109,14 @@ def width_of(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
     given = [key for key in WIDTHS if getattr(table, key) is not None]
     if len(given) > 1:
         raise WrongKeyError(given[0], "leave one out", f"and {given[1]} both state the width")
-    by_key = {"datasheet": _from_datasheet, "samples": _from_samples}
-    width = by_key.get(given[0] if given else "", _from_keys)(table, kind, target, folder)
-    stated = getattr(table, "mean", None)
-    mean = width.mean if stated is None else width.mean + kind.placed(stated, table.full_scale)
-    return Width(np.asarray(width.sigma), np.zeros(kind.shape) if kind.noise else np.asarray(mean), width.shape)
+    key = given[0] if given else ""
+    if key == "samples":
+        drawn = _from_samples(source, table, folder)
+    else:
+        drawn = (_from_datasheet if key == "datasheet" else _from_keys)(source, table)
+    if source.noise or (stated := getattr(table, "mean", None)) is None:
+        return drawn
+    return replace(drawn, mean=np.asarray(drawn.mean + source.error_kind.placed(stated, table.full_scale)))
 
 
 def _refuse_others(table: Any, *keys: str) -> None:
@@ -130,8 +126,8 @@ def _refuse_others(table: Any, *keys: str) -> None:
             raise WrongKeyError(key, "leave it out", "has no meaning here")
 
 
-def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
-    distribution = table.distribution or "normal"
+def _from_keys(source: Source, table: Any) -> Source:
+    kind, distribution = source.error_kind, table.distribution or "normal"
     if distribution == "samples":
         raise WrongKeyError("samples", "name the file")
     key, ratio, nu = "sigma", 1.0, _freedom(table, needed=distribution == "student_t")
@@ -150,7 +146,12 @@ def _from_keys(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
         raise WrongKeyError(key, "add it")
     in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()
     _refuse_others(table, key, "distribution", "degrees_of_freedom", *in_full_scale)
-    return Width(kind.placed(figure, table.full_scale) / ratio, np.zeros(kind.shape), shape)
+    return _drawn(source, kind.placed(figure, table.full_scale) / ratio, shape)
+
+
+def _drawn(source: Source, sigma: ArrayLike, shape: Distribution) -> Source:
+    """Return the source, drawn about zero."""
+    return replace(source, sigma=np.asarray(sigma), mean=np.zeros(source.error_kind.shape), shape=shape)
 
 
 def _freedom(table: DrawTable, *, needed: bool) -> float:
@@ -162,13 +163,14 @@ def _freedom(table: DrawTable, *, needed: bool) -> float:
     return np.inf if freedom is None else freedom
 
 
-def _from_datasheet(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
+def _from_datasheet(source: Source, table: Any) -> Source:
     """One statement for all axes, or one for each."""
+    kind = source.error_kind
     for key in ("distribution", "degrees_of_freedom"):
         if getattr(table, key) is not None:
             raise WrongKeyError(key, "leave it out", "is said by the datasheet's figure")
     _refuse_others(table, "datasheet", "full_scale")
-    wholes, unit = kind.wholes(target, table.full_scale), kind.targets[target]
+    wholes, unit = kind.wholes(source.target, table.full_scale), kind.targets[source.target]
     texts = table.datasheet if isinstance(table.datasheet, tuple) else (table.datasheet,) * len(wholes)
     if len(texts) != len(wholes):
         raise WrongKeyError("datasheet", "write one statement, or one for each axis")
@@ -180,8 +182,7 @@ def _from_datasheet(table: Any, kind: ErrorKind, target: str, _: Path) -> Width:
     scales, shapes = zip(*map(_standard, stated), strict=True)
     if len({(type(shape), float(shape.degrees_of_freedom)) for shape in shapes}) > 1:
         raise WrongKeyError("datasheet", "write a source for each", "states several distributions")
-    sigma = kind.placed(np.array(scales) * part_of(unit), table.full_scale)
-    return Width(sigma, np.zeros(kind.shape), shapes[0])
+    return _drawn(source, kind.placed(np.array(scales) * part_of(unit), table.full_scale), shapes[0])
 
 
 def _standard(distribution: Distribution) -> tuple[float, Distribution]:
@@ -194,7 +195,8 @@ def _standard(distribution: Distribution) -> tuple[float, Distribution]:
     return float(distribution.standard_deviation), shape
 
 
-def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Width:
+def _from_samples(source: Source, table: Any, folder: Path) -> Source:
+    kind, unit = source.error_kind, source.error_kind.targets[source.target]
     if table.distribution != "samples":
         problem = None if table.distribution is None else 'is not "samples" but samples are given'
         raise WrongKeyError("distribution", "leave one out" if problem else "add it", problem)
@@ -205,14 +207,15 @@ def _from_samples(table: Any, kind: ErrorKind, target: str, folder: Path) -> Wid
     if rows.shape[1] not in (1, axes):
         raise WrongKeyError("samples", f"give 1, or {axes}, one per axis", f"has {rows.shape[1]} columns")
     try:
-        rows = rows * (scale(table.unit, kind.targets[target]) * part_of(kind.targets[target]))
+        rows = rows * (scale(table.unit, unit) * part_of(unit))
     except UnitError as error:
         raise WrongKeyError("unit", "", str(error)) from None
     mean, sigma = rows.mean(axis=0), rows.std(axis=0)
     standard = (rows - mean) / np.where(sigma > 0, sigma, 1)
     shape = Empirical(standard if standard.shape[1] > 1 else standard[:, 0])
     sigma, mean = (np.broadcast_to(value, axes).reshape(kind.shape).copy() for value in (sigma, mean))
-    return Width(sigma, mean, shape)
+    drawn = _drawn(source, sigma, shape)
+    return drawn if source.noise else replace(drawn, mean=mean)
 
 
 def _read_samples(table: Any, folder: Path) -> np.ndarray:
@@ -231,17 +234,8 @@ def _read_samples(table: Any, folder: Path) -> np.ndarray:
     return rows
 
 
-class WrittenSource(NamedTuple):
-    """A ``[[source]]`` as it stands in a file, read by its kind's declaration."""
-
-    where: str
-    raw: Mapping[str, Any]
-    kind: ErrorKind
-    table: Any
-
-
-def read_source(path: str, raw: Any) -> WrittenSource:
-    """Read a ``[[source]]`` by the declaration of its kind on its target.
+def read_source(path: str, raw: Any) -> Any:
+    """Return the values of a ``[[source]]``, a :class:`SourceTable` with the keys of its kind on its target.
 
     Raises:
         TomlError: a mistake in its keys.
@@ -257,7 +251,7 @@ def read_source(path: str, raw: Any) -> WrittenSource:
         if allowed != ["bias"]:
             advice = f"for {target} choose one of {', '.join(allowed)}"
         raise TomlError(f"{path}.kind is '{name}': {advice}")
-    return WrittenSource(path, raw, kind, read_table(path, raw, source_table(target, name)))
+    return read_table(path, raw, source_table(target, name))
 
 
 def _word(path: str, raw: Mapping[str, Any], key: str, words: set[str]) -> str:
@@ -267,52 +261,52 @@ def _word(path: str, raw: Mapping[str, Any], key: str, words: set[str]) -> str:
 
 
 def sources_of(
-    written: Sequence[WrittenSource], correlations: Sequence[LinkTable], folder: Path
+    tables: Sequence[Any], written: Sequence[Mapping[str, Any]], correlations: Sequence[LinkTable], folder: Path
 ) -> tuple[tuple[Source, ...], tuple[Mixing, ...]]:
     """Return the sources of an experiment file, and what is correlated.
 
     Args:
-        written: its ``[[source]]``.
+        tables: its ``[[source]]``, each read by :func:`read_source`.
+        written: the same as they stand in the file.
         correlations: its ``[[correlation]]``.
         folder: where files of samples are.
 
     Raises:
         ExperimentError: a mistake in either.
     """
-    entries = []
-    for table in written:
+    sources, of_axes = dict[str, Source](), dict[str, np.ndarray]()
+    for table, raw in zip(tables, written, strict=True):
+        where = f"source[{item_label(len(sources), raw)}]"
         try:
-            entries.append(_entry(table, folder))
+            source = _source(table, folder)
         except WrongKeyError as error:
-            raise ExperimentError(error.line(table.where, table.raw)) from None
-    sources = {entry.source.name: entry.source for entry in entries}
-    _check_names([entry.source for entry in entries])
+            raise ExperimentError(error.line(where, raw)) from None
+        if (matrix := getattr(table, "correlation", None)) is not None:
+            check_correlated(f"{where}.correlation", source)
+            check_correlation(f"{where}.correlation", matrix)
+            of_axes[source.name] = matrix
+        sources[source.name] = source
+    _check_names([table.name for table in tables], {table.group for table in tables})
     links = [link_of(f"correlation[{k}]", link, sources) for k, link in enumerate(correlations)]
-    return tuple(sources.values()), mixing_of(entries, links)
+    return tuple(sources.values()), mixing_of(tuple(sources.values()), of_axes, links)
 
 
-def _entry(written: WrittenSource, folder: Path) -> SourceEntry:
-    table, kind, where = written.table, written.kind, written.where
-    width = Width(np.zeros(0), np.zeros(0), Normal(0.0, 1.0))
-    if kind.constant or kind.white:
-        width = width_of(table, kind, table.target, folder)
-    settings = kind.settings({key: getattr(table, key) for key in kind.keys(table.target)})
+def _source(table: Any, folder: Path) -> Source:
+    kind = KINDS[table.target, table.kind]
     source = Source(
-        name=table.name, target=table.target, kind=kind.name, group=table.group, reference=table.reference,
-        sigma=width.sigma, mean=width.mean, shape=width.shape, settings=settings,
+        name=table.name, target=table.target, kind=table.kind, group=table.group, reference=table.reference,
+        sigma=np.zeros(0), mean=np.zeros(0),
     )  # fmt: skip
+    if kind.constant or kind.white:
+        source = with_distribution(source, table, folder)
+    settings = kind.settings({key: getattr(table, key) for key in kind.keys(table.target)})
     if table.group == "total":
         raise WrongKeyError("group", "write another name", "is 'total', which means all sources")
-    correlation = getattr(table, "correlation", None)
-    if correlation is not None:
-        check_correlated(f"{where}.correlation", source)
-        check_correlation(f"{where}.correlation", correlation)
-    return SourceEntry(source, correlation)
+    return replace(source, settings=settings)
 
 
-def _check_names(sources: list[Source]) -> None:
+def _check_names(names: Sequence[str], groups: set[str]) -> None:
     """Refuse names that would be mistaken for one another: a source's for a group's, or two of one random stream."""
-    names, groups = [source.name for source in sources], {source.group for source in sources}
     streams = {stream_number(name): name for name in names}
     for name in names:
         if names.count(name) > 1:

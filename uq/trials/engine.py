@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import numpy as np
@@ -15,6 +15,7 @@ from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Platform
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
+from uq.trials.trial_loop import TrialLoop
 
 
 class TrialSetting(NamedTuple):
@@ -61,7 +62,26 @@ class Engine(Pytree):
             indices: numbers of the trials, on which alone their draws depend.
         """
 
+    def loop(
+        self,
+        seed: int,
+        *,
+        devices: Sequence[jax.Device] | None = None,
+        batch: int | None = None,
+        segment: int | None = None,
+        **resumed: Any,
+    ) -> TrialLoop:
+        """Return the loop that runs this engine's trials; what is not given is as suits the engine.
 
-def run_trials(engine: Engine, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
-    """Run a batch of trials, for :class:`uq.trials.trial_loop.TrialLoop`."""
-    return engine.run(key, indices)
+        Args:
+            seed: seed of every draw.
+            devices: devices to spread the trials over; None for all.
+            batch: trials that one device computes at a time.
+            segment: about how many it computes between two reports of progress.
+            resumed: ``done`` and ``keep`` of :class:`uq.trials.trial_loop.TrialLoop`.
+        """
+        devices = list(devices or jax.devices())
+        return TrialLoop(
+            type(self).run, self, seed, devices=devices, batch=batch or self.batch(devices[0]),
+            segment=segment or self.segment, **resumed,
+        )  # fmt: skip

@@ -28,7 +28,6 @@ from identify.rigid_body.inertia import Body
 from uq.gram_sums.case_equations import (
     OF_OMEGA_R,
     Equations,
-    FeatureSums,
     NoiseExpectation,
     equations_of,
     feature_map,
@@ -40,6 +39,7 @@ from uq.gram_sums.case_equations import (
 )
 from uq.gram_sums.cases import Case
 from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform, gyro_map
+from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import Mixing, constant_coordinates, constant_key, constants_at, draw_constants, stream_number
 from uq.sources.quasi_random import SobolPoints, sobol_points
@@ -95,30 +95,6 @@ class CrossedNoise(Pytree):
     """Weights of the numbers that it has with each source of the gyro's noise."""
 
 
-class SumsByDelay(Pytree):
-    """Noise-free sums of a run at several delays of the gyro, the nodes between which they are interpolated."""
-
-    gram: Float[Array | np.ndarray, "delays estimators elements elements"]
-    """Sums of the elements' products at each node."""
-    wrench: Float[Array | np.ndarray, "delays estimators elements columns"]
-    weights: Float[Array | np.ndarray, "delays powers"]
-    """Coefficients of the powers of the delay, in parts of ``reach`` from the middle, in the weight of each node."""
-    middle: Float[Array | np.ndarray, ""]
-    """Delay in the middle of the nodes' range [s]."""
-    reach: Float[Array | np.ndarray, ""]
-    """Half of that range [s]; 1: nothing is delayed."""
-
-    def node_weights(self, delay: Float[Array | np.ndarray, " #trials"]) -> Float[Array, "delays #trials"]:
-        """Return the weight of each node's sums at a delay [s]."""
-        x = (delay - self.middle) / self.reach
-        return jnp.matmul(self.weights, jnp.stack([x**k for k in range(len(self.gram))]))
-
-    def weighted(self, weights: Float[Array, "delays #trials"], estimator: Int[Array, ""]) -> FeatureSums:
-        """Return an estimator's sums for weights of the nodes; the trials stand last."""
-        at_nodes = self.gram[:, estimator], self.wrench[:, estimator]
-        return FeatureSums(*(jnp.moveaxis(jnp.tensordot(weights, x, (0, 0)), 0, -1) for x in at_nodes))
-
-
 class SumsEngine(Engine):
     """An experiment on one trajectory as sums over its samples, and what noise makes of them."""
 
@@ -127,7 +103,8 @@ class SumsEngine(Engine):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     columns: Columns = static_field()
-    sums: SumsByDelay
+    sums: RunSums
+    """Sums of all estimators, without noise."""
     expectation: NoiseExpectation
     """Additions of the gyro's noise to expected sums, (cases, estimators, …)."""
     gyro: GyroStreams
@@ -243,10 +220,9 @@ def _case(
     )  # fmt: skip
     cell = _by_trial(partial(engine.columns.map, engine.body, engine.platform), drawn, CELL_MAPS)
     r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
-    weights = engine.sums.node_weights(gyro_errors.gyro_delay)
 
     def estimator(k: Int[Array, ""]) -> Float[Array, "6 trials"]:
-        sums = engine.sums.weighted(weights, k)
+        sums = engine.sums.of_estimator(k).at(gyro_errors.gyro_delay)
         if moving and engine.gyro.names:
             sums = _fluctuating(engine, draws, sums, case, k)
         noise = jax.tree.map(lambda leaf: leaf[case, k], engine.expectation)

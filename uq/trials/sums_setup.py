@@ -25,22 +25,24 @@ from uq.gram_sums.case_equations import (
 from uq.gram_sums.cases import Case, Estimator
 from uq.gram_sums.error_maps import Columns, true_elements
 from uq.gram_sums.noise_moments import RunMoments, filtered_backwards, run_moments
+from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise, NoiseFilter
 from uq.sources.source import Source
 from uq.trials.engine import TrialSetting
-from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsByDelay, SumsEngine
+from uq.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsEngine
 from uq.trials.trial_loop import RUN_ONCE
 
 NEGLIGIBLE = 1e-12
 """Eigenvalues of the sums' correlations, in parts of the largest, that are rounding."""
-DELAY_NODES = 7
-"""Chebyshev's points at which exact sums are interpolated: six powers of the delay beyond the constant."""
+WORST = np.cos(5 * np.pi / 12)
+"""Delay, in parts of the reach, where a polynomial through Chebyshev's points is off by most: halfway between two, near
+the middle of the range, where the distances to all points have their largest product."""
 
 
 class TrueRun(NamedTuple):
-    """A noise-free run: its signals as the gyro sees them, and their sums at several delays of the gyro, in NumPy."""
+    """A noise-free run: its signals as the gyro sees them, and their sums, in NumPy."""
 
     rate: float
     """The rate of the samples [Hz]."""
@@ -52,7 +54,8 @@ class TrueRun(NamedTuple):
     """Omega, every estimator's alpha, force and moment, omega at the delay in the middle."""
     elements: Float[np.ndarray, "estimators elements n"]
     """Elements of :func:`uq.gram_sums.case_equations.feature_map`, likewise."""
-    sums: SumsByDelay
+    sums: RunSums
+    """Sums of all estimators, without noise."""
     remainder: float
     """Error of the sums that are interpolated, in parts of the delay's largest effect."""
 
@@ -65,10 +68,11 @@ def true_run(setting: TrialSetting) -> TrueRun:
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
     wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
-    middle, reach = delay_range(sources)
+    low, high = delay_range(sources)
+    middle = (low + high) / 2
 
     def omega_at(delay: float) -> np.ndarray:
-        return np.asarray(_omega_at(setting.trajectory, motion.t, np.float64(delay))) if reach else on_host.omega
+        return np.asarray(_omega_at(setting.trajectory, motion.t, np.float64(delay))) if low < high else on_host.omega
 
     def elements_at(delay: float) -> list[np.ndarray]:
         omega = omega_at(delay)
@@ -76,20 +80,21 @@ def true_run(setting: TrialSetting) -> TrueRun:
         shared = true_elements(omega, alphas[0], t)[: 15 if drifts else 10]
         return [np.concatenate([shared, alpha]) * valid for alpha in alphas]
 
-    nodes = np.cos(np.pi * (np.arange(DELAY_NODES) + 0.5) / DELAY_NODES) if reach else np.zeros(1)
-    at_nodes = [elements_at(middle + reach * node) for node in nodes]
-    gram = np.array([[phi @ phi.T for phi in elements] for elements in at_nodes])
+    nodes = delay_nodes(low, high)
+    at_nodes = [elements_at(node) for node in nodes]
     with_wrench = np.array([[phi @ wrench.T for phi in elements] for elements in at_nodes])
-    delay_weights, remainder = np.linalg.inv(np.vander(nodes, increasing=True)).T, 0.0
-    if reach:  # at the end of the range, where the interpolation is worst
-        exact = np.array([phi @ wrench.T for phi in elements_at(middle + reach)])
-        interpolated = delay_weights.sum(axis=1) @ with_wrench.reshape(len(nodes), -1)
-        remainder = float(np.abs(interpolated - exact.ravel()).max() / np.abs(exact - with_wrench[-1]).max())
+    sums = RunSums.through(nodes, np.array([[phi @ phi.T for phi in elements] for elements in at_nodes]), with_wrench)
+    remainder = 0.0
+    if low < high:
+        worst = middle + (high - low) / 2 * WORST
+        exact = np.array([phi @ wrench.T for phi in elements_at(worst)])
+        effect = np.abs(with_wrench[0] - with_wrench[-1]).max()
+        remainder = float(np.abs(sums.at(worst).wrench - exact).max() / effect)
     elements = at_nodes[len(nodes) // 2]
     signals = np.concatenate([omega_at(middle), *(phi[-3:] for phi in elements), wrench[:6]])
     return TrueRun(
         rate=float(rate), valid=valid, taps=taps, signals=signals, elements=np.array(elements), remainder=remainder,
-        sums=SumsByDelay(gram, with_wrench, delay_weights, np.array(middle), np.array(reach or 1.0)),
+        sums=sums,
     )  # fmt: skip
 
 
@@ -124,13 +129,13 @@ SIGMAS = 6.0
 
 
 def delay_range(sources: Sequence[Source]) -> tuple[float, float]:
-    """Return middle and half width of the delays of any set of sources [s]: expectations ± six σ, and none."""
+    """Return the earliest and the latest delay of any set of sources [s]: expectations ± six σ, and none."""
     low = high = 0.0
     for source in sources:
         if source.perturbs == "gyro_delay":
             mean, spread = (float(effect(source, x)) for x in (source.mean, SIGMAS * source.standard_deviation))
             low, high = low + min(0.0, mean - abs(spread)), high + max(0.0, mean + abs(spread))
-    return (low + high) / 2, (high - low) / 2
+    return low, high
 
 
 @partial(jax.jit, compiler_options=RUN_ONCE)
@@ -260,7 +265,7 @@ def _crossed_noise(
 
     alone: list[np.ndarray] = []
     with_gyro: list[list[np.ndarray]] = []
-    for k, gram in enumerate(run.sums.gram[len(run.sums.gram) // 2]):
+    for k, gram in enumerate(run.sums.gram[0]):
         true = covariances(sums_by_axes(rows @ gram @ rows.T), cell.white)
         for noise in cell.coloured:
             behind = sums_by_axes(rows @ np.asarray(noise.behind)[k] @ rows.T)

@@ -25,8 +25,6 @@ from uq.experiment.experiment import ExperimentError
 from uq.report.tables.campaign import shares as share_table
 from uq.sources.draws import draw_constants
 from uq.trials import trial_loop
-from uq.trials.engine import run_trials
-from uq.trials.trial_loop import all_trials
 
 
 def only(experiment, *names):
@@ -39,13 +37,12 @@ BOTH = ("central", "smoothed")
 def estimates(experiment, trials, *, name="T1", estimators=("central",), devices=None, batch=None, **options):
     """On one device at least a hundred trials are run, on sums 500: any number of them is one compiled program."""
     chosen = [experiment.estimator(e) for e in estimators]
-    engine = prepare_engine(experiment, experiment.trajectories[name], chosen, **options).engine
+    engine, _ = prepare_engine(experiment, experiment.trajectories[name], chosen, **options)
     least = 100 if options.get("engine") == "samples" else 500
     enough = max(trials, least) if experiment.sources and devices is None else trials
-    devices = devices or jax.devices()[:1]
-    batch = batch or engine.batch(devices[0])
-    drawn = all_trials(run_trials, engine, enough, 0, devices=devices, batch=batch, segment=100)
-    return engine, jax.tree.map(lambda leaf: leaf[:trials], drawn)
+    loop = engine.loop(0, devices=devices or jax.devices()[:1], batch=batch, segment=100)
+    loop.reach(enough)
+    return engine, loop.results(trials)
 
 
 def errors(experiment, trials, **options):

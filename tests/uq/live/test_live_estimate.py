@@ -15,11 +15,11 @@ from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.undeclared_table import UndeclaredTable
 from uq.identification.run_sums import ELEMENTS, FEATURES
-from uq.identification.systematic_errors import problem_of, propagated
+from uq.identification.systematic_errors import nodes_of, problem_of, propagated
 from uq.identification.undeclared import with_undeclared
 from uq.live.estimate_lines import block_of, line_of, missed
 from uq.live.growing_run import GrowingRun
-from uq.live.live_estimate import LiveEstimate, agreeing, estimated, fit, nodes_of, sources_in
+from uq.live.live_estimate import LiveEstimate, agreeing, estimated, fit, sources_in
 from uq.live.running_sums import RunningSums
 from uq.recorded.load_run import load_run
 
@@ -70,11 +70,16 @@ def test_blocks_join_without_a_seam(ten_seconds, common):
     )
 
 
+def with_delay(experiment):
+    """An experiment that declares a delay of the gyro."""
+    delay = {"name": "delay", "target": "omega", "kind": "delay", "sigma": "2 ms", "group": "imu"}
+    document = dict(experiment.document)
+    return Experiment.from_dict({**document, "source": [*document["source"], delay]})
+
+
 def test_the_uncertainty_is_about_that_of_the_whole_run(ten_seconds, common):
     """Other windows of frequency, at some 30 degrees of freedom; fewer draws of the sources, a delay among them."""
-    delay = {"name": "delay", "target": "omega", "kind": "delay", "sigma": "2 ms", "group": "imu"}
-    document = dict(ten_seconds.document)
-    experiment = Experiment.from_dict({**document, "source": [*document["source"], delay]})
+    experiment = with_delay(ten_seconds)
     live = estimated(sums_of(common, experiment), experiment)
     final, sources = declared(common, experiment)
     np.testing.assert_allclose(live.type_a, final.pooling.half_width, rtol=0.15)
@@ -188,13 +193,15 @@ def declared(path, experiment):
 
 
 def test_undeclared_errors_are_those_of_identify(ten_seconds, common):
-    """But for cross-talk, delay and mounting, which the sums do not tell."""
+    """But for cross-talk, delay and mounting, which the sums do not tell, whether a delay is declared or not."""
     table = UndeclaredTable(cross_talk=None, delay=None, mounting_frequency=None, mass=None)
     experiment = dataclasses.replace(ten_seconds, undeclared=table)
     run = load_run(common)
     result = with_undeclared(dataclasses.replace(whole(run, experiment), by_held_errors=None), [run], experiment)
     live = estimated(sums_of(common, experiment), experiment).undeclared
     np.testing.assert_allclose(live, 2 * result.undeclared.standard_uncertainty[4:], rtol=0.02)
+    late = dataclasses.replace(with_delay(ten_seconds), undeclared=table)
+    np.testing.assert_allclose(estimated(sums_of(common, late), late).undeclared, live, rtol=1e-3)
 
 
 def whole(run, experiment):

@@ -9,7 +9,6 @@ from identify.estimators.gram import solve_normal
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import omega_r
 from uq.gram_sums.case_equations import (
-    FeatureSums,
     equations_of,
     feature_map,
     noise_expectation,
@@ -20,6 +19,7 @@ from uq.gram_sums.case_equations import (
 from uq.gram_sums.error_maps import Columns, Platform, gyro_map
 from uq.gram_sums.noise_algebra import noise_algebra
 from uq.gram_sums.packed_equations import MATRIX, cell_scatter, equations_of_products, solution_series
+from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.propagation.expansion import expand, map_series, tensor_of
 from uq.sources.constant_errors import PLACES, no_errors, unravel
 
@@ -38,8 +38,8 @@ def sums():
     now[0], slope[0], twice[0] = 1.0, 0.0, 0.0
     columns = np.concatenate([generator.normal(size=(7, 60)), np.ones((1, 60))])
     crossed, curved = slope @ now.T, twice @ now.T
-    grams = now @ now.T, crossed + crossed.T, curved + curved.T + 2 * slope @ slope.T
-    return tuple(FeatureSums(gram, x @ columns.T) for gram, x in zip(grams, (now, slope, twice), strict=True))
+    grams = now @ now.T, crossed + crossed.T, (curved + curved.T) / 2 + slope @ slope.T
+    return RunSums(np.array(grams), np.array([now, slope, twice / 2]) @ columns.T)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_its_derivatives_are_those_of_the_engines_equations(sums, noise):
 
     def estimate(numbers):
         e = unravel(expected + errors @ numbers)
-        gram, wrench = (a + e.gyro_delay * b + e.gyro_delay**2 / 2 * c for a, b, c in zip(*sums, strict=True))
+        gram, wrench = (a + e.gyro_delay * b + e.gyro_delay**2 * c for a, b, c in (sums.gram, sums.wrench))
         equations = equations_of(
             FeatureSums(gram[..., None], wrench[:, :-1, None]),
             feature_map(gyro_map(e)[..., None], e.gyro_bias[:, None], e.gyro_drift[:, None]),

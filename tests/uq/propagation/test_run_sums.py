@@ -48,7 +48,7 @@ def test_pieces_add_up_to_the_whole_run(many, monkeypatch):
     spec = many.trajectories["T1"]
     monkeypatch.setattr(pieces, "PIECE", 1000)
     pieces._moved.clear_cache()  # its code has the size of a piece
-    sums = summed(many, spec)
+    sums, moments, peaks = summed(many, spec)
     pieces._moved.clear_cache()
     motion, wrench, taps, valid = noise_free(many, spec)
     alphas = [alpha_of(motion.omega, h) for h in taps]
@@ -57,24 +57,25 @@ def test_pieces_add_up_to_the_whole_run(many, monkeypatch):
     def agree(computed, expected):
         np.testing.assert_allclose(computed, expected, atol=1e-11 * np.abs(expected).max())
 
-    agree(sums.moments.linear[WHITE], whole.linear[WHITE])
-    agree(sums.moments.quadratic[WHITE, WHITE], whole.quadratic[WHITE, WHITE])
+    agree(moments.linear[WHITE], whole.linear[WHITE])
+    agree(moments.quadratic[WHITE, WHITE], whole.quadratic[WHITE, WHITE])
     columns = np.concatenate([wrench, np.ones((1, len(motion.t)))])
-    for alpha, (own, *_) in zip(alphas, sums.noise_free, strict=True):
+    for k, alpha in enumerate(alphas):
+        own = sums.of_estimator(k).at(0.0)
         phi = np.concatenate([true_elements(motion.omega, alpha, motion.t), alpha]) * valid
         agree(own.gram, phi @ phi.T)
         agree(own.wrench, phi @ columns.T)
     signals = {"F": wrench[:3], "M": wrench[3:6], "omega": motion.omega}
     for name, signal in signals.items():
-        np.testing.assert_allclose(sums.peaks.largest[name], np.abs(signal).max(axis=1), rtol=1e-12)
+        np.testing.assert_allclose(peaks.largest[name], np.abs(signal).max(axis=1), rtol=1e-12)
         rms = np.sqrt(np.mean(np.diff(signal) ** 2, axis=1))
-        np.testing.assert_allclose(sums.peaks.moves[name], rms, rtol=1e-9)
+        np.testing.assert_allclose(peaks.moves[name], rms, rtol=1e-9)
 
 
 def test_a_delays_derivatives_are_those_of_delayed_runs(many):
     """Second differences over ±1 ms of the sums of a gyro that is late; their own error is of the square of 1 ms."""
     spec, h = many.trajectories["T1"], 1e-3
-    sums = summed(many, spec)
+    sums, *_ = summed(many, spec)
     motion, wrench, taps, valid = noise_free(many, spec)
 
     def late(delay, own):
@@ -83,7 +84,9 @@ def test_a_delays_derivatives_are_those_of_delayed_runs(many):
         phi = np.concatenate([true_elements(omega, alpha, motion.t), alpha]) * valid
         return phi @ phi.T, phi @ wrench.T
 
-    for own, (_, *orders) in zip(taps, sums.noise_free, strict=True):
+    for k, own in enumerate(taps):
+        slope = sums.of_estimator(k).derivative()
+        orders = slope.at(0.0), slope.derivative().at(0.0)
         for part in range(2):
             before, now, after = (late(delay, own)[part] for delay in (-h, 0.0, h))
             differences = (after - before) / (2 * h), (after - 2 * now + before) / h**2
@@ -98,5 +101,5 @@ def test_another_duration_compiles_nothing(brief, monkeypatch):
     spec = brief.trajectories["T1"]
     summed(plain, spec)
     monkeypatch.setattr(pieces, "sample", lambda *_, **__: pytest.fail("traced again"))
-    sums = summed(plain, dataclasses.replace(lasting(spec, 31.3), rate=390.0))
-    assert sums.noise_free[0][0].gram[0, 0] == round(31.3 * 390) - 2
+    sums, *_ = summed(plain, dataclasses.replace(lasting(spec, 31.3), rate=390.0))
+    assert sums.gram[0, 0, 0, 0] == round(31.3 * 390) - 2

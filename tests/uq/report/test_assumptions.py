@@ -93,14 +93,14 @@ def test_noise_with_a_memory_is_named(said):
 
 @pytest.fixture
 def kinds():
-    """Users' kinds: by the same field of the rig's errors, by the same words, and of noise."""
+    """Users' kinds: by the same field of the rig's errors, by another kind's name, and of noise."""
     before = dict(KINDS)
 
     class Warmed(ErrorKind):
         name, targets, constant, perturbs = "warmed", {"omega": "%"}, True, {"omega": "gyro_scale"}
 
     class Sagging(ErrorKind):
-        name, targets, needs_samples, stage, absence = "sagging", {"F": "%"}, True, 5, Scale.absence
+        name, targets, stage, acts_as = "sagging", {"F": "%"}, 5, (Scale.name,)
 
     class Humming(ErrorKind):
         name, targets, noise = "humming", {"M": "N*m"}, True

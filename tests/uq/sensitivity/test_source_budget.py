@@ -26,8 +26,6 @@ from uq.sensitivity.budget_shares import COLUMNS
 from uq.sensitivity.source_budget import _bias_share, budget, budget_of, twinned
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
-from uq.trials.engine import run_trials
-from uq.trials.trial_loop import all_trials
 
 pytestmark = pytest.mark.usefixtures("results_follow_their_schema")
 
@@ -43,10 +41,10 @@ def run(experiment, trials, engine="sums"):
     twins = twinned(experiment.sources, experiment.mixing)
     doubled = dataclasses.replace(experiment, sources=twins.doubled, mixing=twins.mixing)
     spec, chosen = experiment.trajectories["T1"], [experiment.estimator("central")]
-    prepared = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine).engine
-    device = jax.devices()[:1]
-    drawn = all_trials(run_trials, prepared, trials, 0, devices=device, batch=prepared.batch(device[0]), segment=1000)
-    return twins, (drawn - np.asarray(experiment.inertia))[:, 0]
+    prepared, _ = prepare_engine(doubled, spec, chosen, cases=twins.cases, engine=engine)
+    loop = prepared.loop(0, devices=jax.devices()[:1], segment=1000)
+    loop.reach(trials)
+    return twins, (loop.results(trials) - np.asarray(experiment.inertia))[:, 0]
 
 
 @pytest.fixture(scope="module")

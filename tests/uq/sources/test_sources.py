@@ -81,7 +81,7 @@ one_trial = eqx.filter_jit(plain_trial)  # one for all tests: engines that diffe
 
 
 def engine_of(e, name="sums", **options):
-    return prepare_engine(e, e.trajectories["T"], e.estimators, engine=name, **options).engine
+    return prepare_engine(e, e.trajectories["T"], e.estimators, engine=name, **options)[0]
 
 
 def estimates(e, engine=None, key=0, index=0):

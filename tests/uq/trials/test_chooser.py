@@ -31,7 +31,7 @@ STEPS = [
 
 def how(e, estimator="central"):
     """What a result says of how its engine was chosen."""
-    return prepare_engine(e, e.trajectories["T"], [e.estimator(estimator)]).computed
+    return prepare_engine(e, e.trajectories["T"], [e.estimator(estimator)])[1]
 
 
 def figures(e, **options):

@@ -44,7 +44,7 @@ def only(experiment, *names):
 def engine_of(experiment, name):
     """What runs trials of T1 by central differences."""
     chosen = [experiment.estimator("central")]
-    return prepare_engine(experiment, experiment.trajectories["T1"], chosen, engine=name).engine
+    return prepare_engine(experiment, experiment.trajectories["T1"], chosen, engine=name)[0]
 
 
 def engines_draws(setup):

@@ -175,7 +175,7 @@ def _check_sources(experiment: Experiment, spec: TrajectorySpec) -> None:
     """Refuse, before a long search, all sources that the prediction or the law of the reference does not take."""
     peaks = ANYWHERE
     if not all(source.drawn for source in experiment.sources):  # a range or a step, which matter by the signals' size
-        peaks = prepared_run(experiment, spec, [differentiator(spec.trajectory.highest_frequency)]).sums.peaks
+        peaks = prepared_run(experiment, spec, [differentiator(spec.trajectory.highest_frequency)]).peaks
     if reasons := beyond_the_prediction(experiment.sources, experiment.mixing, peaks):
         raise BeyondLawError(reasons)
 

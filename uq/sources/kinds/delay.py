@@ -1,6 +1,6 @@
 """Delay of the gyro: its samples are of an earlier instant than their stamps say."""
 
-from uq.sources.source import Beside, ErrorKind, Source
+from uq.sources.source import ErrorKind, Source, SumsConditions
 
 LARGEST_REMAINDER = 1e-4
 """Largest error of sums that are interpolated between delays, in parts of the delay's largest effect."""
@@ -18,10 +18,9 @@ class Delay(ErrorKind):
     absence = "load cell and gyro have one clock"
     shape = ()
     constant = True
-    needs_samples = True
     in_sums_as = "a polynomial in the delay"
     perturbs = {"omega": "gyro_delay"}
 
-    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
-        """Return the source where the polynomial is good enough."""
-        return source if conditions.remainder <= LARGEST_REMAINDER else f"{source.name} is too long for a polynomial"
+    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+        """Return that the polynomial is not good enough."""
+        return None if conditions.remainder <= LARGEST_REMAINDER else "is too long for a polynomial"

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from uq.sources.distributions import Normal
-from uq.sources.source import SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source, strictest
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, SumsConditions, strictest
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
@@ -30,7 +30,6 @@ class Quantisation(ErrorKind):
     name = "quantisation"
     targets = SIGNAL_UNITS
     absence = "the resolution of {} is unlimited"
-    needs_samples = True
     in_sums_as = "white noise of variance step²/12"
     averages_out = True
     sizes = ("step",)
@@ -43,16 +42,18 @@ class Quantisation(ErrorKind):
         steps = [source.settings["step"] for source in sources]
         return quantised(signal, strictest(steps, acting, jnp.maximum, jnp.zeros((3, 1), signal.dtype)))
 
-    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
-        """Return white noise of variance step²/12, where the signal's own noise is large enough (Widrow & Kollár).
+    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+        """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
+        if conditions.others_of_kind:
+            return "is one of several resolutions of a signal"
+        coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > conditions.other_noise)
+        return "is coarse against the noise beside it" if coarse else None
+
+    def in_sums(self, source: Source) -> Source:
+        """Return white noise of variance step²/12.
 
         Rectangular of each sample; normal here, since sums over many samples do not tell the difference.
         """
-        step = np.asarray(source.settings["step"])
-        if conditions.same_kind:
-            return f"{source.name} is one of several resolutions of a signal"
-        if np.any(STEPS_OF_NOISE * step > conditions.white):
-            return f"{source.name} is coarse against the noise beside it"
         sigma = np.sqrt(self.white_variance(source, 1.0))
         return replace(source, kind="precision", sigma=sigma, shape=Normal(0.0, 1.0), settings={})
 

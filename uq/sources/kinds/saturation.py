@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, Beside, ErrorKind, SignalRange, Source, strictest
+from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, ErrorKind, SignalRange, Source, SumsConditions, strictest
 
 
 class Saturation(ErrorKind):
@@ -16,7 +16,6 @@ class Saturation(ErrorKind):
     name = "saturation"
     targets = SIGNAL_UNITS
     absence = "the range of {} is unlimited"
-    needs_samples = True
     in_sums_as = "nothing: the signal stays within its range"
     sizes = ("limit",)
     stage = 10
@@ -33,10 +32,10 @@ class Saturation(ErrorKind):
         limit = strictest(limits, acting, jnp.minimum, jnp.full((3, 1), jnp.inf, signal.dtype))
         return jnp.clip(signal, -limit, limit)
 
-    def in_sums(self, source: Source, conditions: Beside) -> Source | str:
-        """Return the source, which sums do not feel, where the signal stays well within its range."""
+    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+        """Return that the signal does not stay well within its range, where sums would not feel its end."""
         near = np.any(conditions.reach > np.asarray(source.settings["limit"]))
-        return f"{source.name} is within reach of the signal" if near else source
+        return "is within reach of the signal" if near else None
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that it cuts its signal off, unless the signal stays well within the range."""
