@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.errors.load_cell.warming import drift_shapes
 from identify.joint.predicted_wrench import PredictedWrench
-from identify.judge.conventions.convention_fit import drift_shapes
 from identify.judge.evidence import Base, Evidence, evidence
 from identify.judge.findings import Cause
 from identify.judge.run_fit import RunFit

@@ -1,0 +1,40 @@
+"""Components of the load cell leak into each other.
+
+Looks like: a channel that follows another component. Matters: a moment that follows a large force errs by much. Do: use
+the calibration matrix, or declare the ``cross_talk``.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.errors.error_model import CELL_MATRIX, CauseWords, Columns, ErrorModel, Numbers, TypicalSize
+from identify.errors.priors_of_size import full_scale
+from identify.errors.rig_state import RigState
+
+# of the largest force and moment
+TYPICAL = TypicalSize(figure=0.0015, text="cross-talk of the load cell", unit="%", per_si=100)
+OFF_DIAGONAL = ~np.eye(6, dtype=bool)
+
+
+def act(state: RigState, elements: Numbers) -> RigState:
+    """Return the state of a load cell of whose matrix these are the elements off the diagonal, row by row."""
+    matrix = np.eye(6)
+    matrix[OFF_DIAGONAL] = elements
+    return replace(state, wrench=state.wrench @ matrix.T)
+
+
+def _prior(state: RigState, columns: Columns) -> Numbers:
+    size = full_scale(state)
+    over = np.divide(1.0, size, out=np.zeros(6), where=size > 0)
+    return TYPICAL.figure * np.outer(size, over)[OFF_DIAGONAL]
+
+
+CROSS_TALK = ErrorModel(
+    name="cross_talk", count=30, act=act, part="load cell", unknowns=CELL_MATRIX, declared_as=("wrench", "cross_talk"),
+    typical=TYPICAL, prior=_prior,
+    words=CauseWords(
+        "cross-talk", "components of the load cell leaked into each other",
+        "use its calibration matrix, or declare the cross_talk",
+    ),
+)  # fmt: skip

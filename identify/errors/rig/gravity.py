@@ -1,0 +1,21 @@
+"""Local gravity is not what is stated.
+
+Looks like: weight without the inertia of its mass, where the base is at rest. Matters: the weight's moment is taken for
+inertia. Do: state ``platform.gravity`` of the place.
+"""
+
+from identify.errors.error_model import ErrorModel, Numbers, TypicalSize
+from identify.errors.rig_state import RigState
+
+TYPICAL = TypicalSize(figure=0.015, text="error of gravity", unit="m/s²", per_si=1)  # from the equator to the poles
+
+
+def act(state: RigState, more: Numbers) -> RigState:
+    """Return the state where gravity is so much more than is believed [m/s²]."""
+    return state.with_less("gravity", more)
+
+
+GRAVITY = ErrorModel(
+    name="gravity", count=1, act=act, part="rig", unknowns=("gravity",), by_hand=True, declared_as=("gravity", "bias"),
+    typical=TYPICAL,
+)  # fmt: skip
