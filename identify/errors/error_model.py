@@ -46,6 +46,19 @@ class CauseWords(NamedTuple):
     cure: str
     write_size: WrittenSize | None = None
 
+    @property
+    def docs(self) -> str:
+        """Page and anchor of the documentation on it."""
+        return f"{PAGE}#{self.label.replace(' ', '-')}"
+
+    def phrase(self, values: Numbers, spread: Numbers) -> str:
+        """Return what a run looks like by an error's numbers, in SI, with their standard uncertainties."""
+        written = "" if self.write_size is None else self.write_size(values, spread)
+        return f"as if {self.pattern.format(written)} ({self.label})"
+
+
+NO_WORDS = CauseWords("", "", "")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ErrorModel:
@@ -76,28 +89,13 @@ class ErrorModel:
     """Whether the runs show all of its numbers, so that what they show takes the place of the typical size."""
     prior: Prior | None = None
     """Function to the sizes that the judge expects; None: the judge does not look for it."""
-    words: CauseWords | None = None
-    """Words of the judge; None: it does not name it."""
+    words: CauseWords = NO_WORDS
+    """Words of the judge, where it looks for the error."""
 
     @property
     def label(self) -> str:
         """Label of the cause in ``consistency``."""
-        return self.name if self.words is None else self.words.label
-
-    @property
-    def cure(self) -> str:
-        """Words on what the reader may do."""
-        return "" if self.words is None else self.words.cure
-
-    @property
-    def docs(self) -> str:
-        """Page and anchor of the documentation on it."""
-        return f"{PAGE}#{self.label.replace(' ', '-')}"
-
-    def phrase(self, values: Numbers, spread: Numbers) -> str:
-        """Return what a run looks like by the error's numbers, in SI, with their standard uncertainties."""
-        pattern, write = ("", None) if self.words is None else (self.words.pattern, self.words.write_size)
-        return f"as if {pattern.format('' if write is None else write(values, spread))} ({self.label})"
+        return self.words.label
 
     def derivatives(self, state: RigState) -> dict[str, np.ndarray]:
         """Return the derivatives, at no error, of the parts of a state on which it acts, a last axis for its numbers.

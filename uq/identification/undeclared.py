@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.errors.registry import ERRORS
+from identify.errors.rig.mounting import MOUNTING
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
-from identify.judge.findings import Cause
-from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
 from identify.methods.base import estimator_of
 from identify.results.identification_result import Identification
 from identify.results.mass_and_centre import DECLARED
@@ -37,13 +37,7 @@ PRICE = 0.1
 
 Price: stated as such. What a result takes as exact is not widened: there the bound must hold the cause.
 """
-REPLACED_BY_CAUSE = {
-    finding.label: name
-    for finding, name in (
-        (Cause.GYRO_SCALE, "gyro_scale"), (Cause.GYRO_AXES, "gyro_axes"), (Cause.DELAY, "delay"),
-        (Cause.ACCELEROMETER_PLACE, "accelerometer_place"), (Cause.ACCELEROMETER_SCALE, "accelerometer_scale"),
-    )
-}  # fmt: skip
+REPLACED_BY_CAUSE = {error.label: error.name for error in ERRORS.values() if error.replaced_by_cause}
 """Errors whose value in the runs, with its uncertainty, takes the place of their typical size in the tensor.
 
 By the finding's label; that of late gyro axes is the delay's. Not gains, cross-talk and axes of the load cell: runs
@@ -87,10 +81,10 @@ def with_undeclared(
         except RunError:  # too short for a delay
             return result
     table = experiment.undeclared
-    if FLEXIBILITY in by_held and table.mounting_frequency is not None:
+    if MOUNTING.name in by_held and table.mounting_frequency is not None:
         natural = 2 * np.pi * table.mounting_frequency
-        changes["mounting_frequency"] = by_held[FLEXIBILITY].sum(axis=1, keepdims=True) / natural**2
-    for name in ACCELEROMETER_ERRORS:
+        changes[MOUNTING.name] = by_held[MOUNTING.name].sum(axis=1, keepdims=True) / natural**2
+    for name in (error.name for error in ERRORS.values() if error.part == "accelerometer" and error.typical):
         if name in by_held and (figure := getattr(table, name)) is not None:
             changes[name] = figure * by_held[name]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
