@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import IntEnum, auto
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -25,16 +26,52 @@ Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube
 """
 
 
-class TypicalSize(NamedTuple):
-    """Typical size of an error that nobody declares: a standard uncertainty, known to some 30 to 50 %."""
+class Stage(IntEnum):
+    """Places of the rig in the order in which errors act: from the body to the files.
+
+    The load cell turns, mixes and scales what acts on it before it adds a zero; so does the IMU, whose stamps err last.
+    """
+
+    BODY = auto()
+    SURROUNDINGS = auto()
+    CELL_AXES = auto()
+    CELL_CROSS_TALK = auto()
+    CELL_GAIN = auto()
+    CELL_FILTER = auto()
+    CELL_ZERO = auto()
+    IMU_AXES = auto()
+    SENSOR_AXES = auto()
+    SENSOR_GAIN = auto()
+    SENSOR_FILTER = auto()
+    SENSOR_ZERO = auto()
+    STAMPS = auto()
+    START = auto()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TypicalSize:
+    """Typical size of an error that nobody declares: a standard uncertainty, known to some 30 to 50 %.
+
+    docs/how-to/identify.md says what data sheets and studies the figures are from.
+    """
 
     figure: float
-    """Figure in SI, relative ones in parts of one, as ``[undeclared]`` of an experiment file has it."""
+    """Figure in SI, relative ones in parts of one."""
+    key_unit: str
+    """Unit of the key in ``[undeclared]`` of an experiment file."""
+    about: str
+    """Sentence on the key."""
     text: str
     """Words of the report."""
     unit: str
+    """Unit of the report."""
     per_si: float
     """Factor from SI to the unit."""
+    numbers: Callable[[float], Float[np.ndarray, "p k"]] | None = None
+    """Function from a figure in SI to the error's numbers, a column for each that errs by itself; None: each errs by
+    the figure."""
+    signed: bool = False
+    """Whether the error's sign is known, so that its effect is a bias."""
 
 
 class CauseWords(NamedTuple):
@@ -70,6 +107,8 @@ class ErrorModel:
     """Count of its numbers."""
     act: Callable[[RigState, Numbers], RigState]
     """Function that lets the error act: nothing at zero."""
+    stage: Stage
+    """Place in the chain, before and after which others act."""
     part: Literal["body", "rig", "load cell", "gyro", "accelerometer", "imu"]
     """Part of the rig that errs."""
     scope: Literal["rig", "run"] = "rig"
@@ -97,6 +136,12 @@ class ErrorModel:
         """Label of the cause in ``consistency``."""
         return self.words.label
 
+    def typical_numbers(self, figure: float) -> Float[np.ndarray, "p k"]:
+        """Return the error's numbers by a figure of ``[undeclared]``, a column for each that errs by itself."""
+        if self.typical is None or self.typical.numbers is None:
+            return figure * np.eye(self.count)
+        return self.typical.numbers(figure)
+
     def derivatives(self, state: RigState) -> dict[str, np.ndarray]:
         """Return the derivatives, at no error, of the parts of a state on which it acts, a last axis for its numbers.
 
@@ -121,14 +166,14 @@ class ErrorModel:
 
 
 def composed(errors: Iterable[ErrorModel], state: RigState, numbers: Mapping[str, Numbers]) -> RigState:
-    """Return the state with several errors at once, in the order in which they are given.
+    """Return the state with several errors at once, in the order of their stages.
 
     Args:
-        errors: in the order of the chain from the body to the files: :data:`identify.errors.registry.ERRORS`.
+        errors: any, of which those act that have numbers.
         state: without them.
         numbers: of each error that acts, by its name, in SI.
     """
-    for error in errors:
+    for error in sorted(errors, key=lambda error: error.stage):
         if error.name in numbers:
             state = error.act(state, np.asarray(numbers[error.name], float))
     return state

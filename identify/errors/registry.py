@@ -1,7 +1,4 @@
-"""All errors of the rig, in the order in which they act: body, surroundings, load cell, then the IMU and its stamps.
-
-The load cell turns, mixes and scales what acts on it before it adds a zero; so does the IMU, whose stamps err last.
-"""
+"""All errors of the rig: one line an error."""
 
 from collections.abc import Mapping
 
@@ -43,14 +40,12 @@ from identify.errors.rig.weight import WEIGHT
 
 ERRORS: Mapping[str, ErrorModel] = {
     error.name: error for error in (
-        MASS, CENTRE_OF_GRAVITY, SLIP, MOVING_PART, STILL_MISSED,
-        GRAVITY, MOUNTING, CABLE, AIR, WEIGHT,
-        LOAD_CELL_AXES, CROSS_TALK, GAIN, FORCE_GAIN, FORCE_GAIN_BY_AXIS, MOMENT_GAIN, MOMENT_GAIN_BY_AXIS,
+        FORCE_GAIN, FORCE_GAIN_BY_AXIS, MOMENT_GAIN, MOMENT_GAIN_BY_AXIS, GAIN, CROSS_TALK, LOAD_CELL_AXES,
         NONLINEARITY, GAIN_DRIFT, FILTER, ZERO, DRIFT, WARMING, JUMP,
-        ROTATION, GYRO_AXES, GYRO_SCALE, GYRO_G, GYRO_LATE,
-        GYRO_BIAS, GYRO_DRIFT,
-        ACCELEROMETER_PLACE, ACCELEROMETER_SCALE, ACCELEROMETER_BIAS, ACCELEROMETER_DELAY, DELAY, CLOCK,
-        TILT,
+        GYRO_SCALE, GYRO_AXES, GYRO_BIAS, GYRO_DRIFT, GYRO_G, GYRO_LATE, DELAY, CLOCK, ROTATION, TILT,
+        MASS, CENTRE_OF_GRAVITY, STILL_MISSED, SLIP, MOVING_PART,
+        GRAVITY, MOUNTING, CABLE, AIR, WEIGHT,
+        ACCELEROMETER_SCALE, ACCELEROMETER_PLACE, ACCELEROMETER_DELAY, ACCELEROMETER_BIAS,
     )
 }  # fmt: skip
-"""Every error by its name, in the order in which they act."""
+"""Every error by its name, in the order of reports and of ``[undeclared]``."""

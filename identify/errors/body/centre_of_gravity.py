@@ -4,12 +4,16 @@ Looks like: a moment as of the force times a lever arm. Matters: the tensor errs
 Do: correct ``r_cg_from_q``, or record static poses, from which it follows.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
-TYPICAL = TypicalSize(figure=0.001, text="error of r_CG", unit="mm", per_si=1e3)  # a drawing
+# a drawing
+TYPICAL = TypicalSize(
+    figure=0.001, key_unit="m", text="error of r_CG", unit="mm", per_si=1e3,
+    about="Error of the centre of gravity on each axis, where the estimate takes it as exact.",
+)  # fmt: skip
 
 
 def act(state: RigState, metres: Numbers) -> RigState:
@@ -18,7 +22,8 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 CENTRE_OF_GRAVITY = ErrorModel(
-    name="centre_of_gravity", count=3, act=act, part="body", needs=frozenset({"mounting"}), unknowns=("r_cg",),
+    name="centre_of_gravity", count=3, act=act, stage=Stage.BODY,
+    part="body", needs=frozenset({"mounting"}), unknowns=("r_cg",),
     by_hand=True, declared_as=("r_cg", "bias"), typical=TYPICAL, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "centre of gravity", "r_CG were off by {}", "correct r_cg_from_q, or record static poses", every(-1e3, "mm")

@@ -7,11 +7,15 @@ weigh the body, with all that turns with it.
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, Columns, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, Columns, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
-TYPICAL = TypicalSize(figure=0.001, text="error of the mass", unit="%", per_si=100)  # a shop scale
+# a shop scale
+TYPICAL = TypicalSize(
+    figure=0.001, key_unit="%", text="error of the mass", unit="%", per_si=100.0,
+    about="Error of the mass, where it counts as exact.",
+)  # fmt: skip
 
 
 def act(state: RigState, kilograms: Numbers) -> RigState:
@@ -24,6 +28,7 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 MASS = ErrorModel(
-    name="mass", count=1, act=act, part="body", unknowns=("mass",), by_hand=True, typical=TYPICAL, prior=_prior,
+    name="mass", count=1, act=act, stage=Stage.BODY,
+    part="body", unknowns=("mass",), by_hand=True, typical=TYPICAL, prior=_prior,
     words=CauseWords("mass", "the mass were off by {}", "weigh the body", every(-1.0, "kg")),
 )  # fmt: skip

@@ -3,7 +3,7 @@
 Looks like: inertia that grows or falls from the start to the end. Matters: there is no one tensor. Do: fix what moves.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 
@@ -17,6 +17,7 @@ MOVING_PART = ErrorModel(
     name="moving_part",
     count=6,
     act=act,
+    stage=Stage.BODY,
     part="body",
     scope="run",
     prior=part_of_wrench(0.01),

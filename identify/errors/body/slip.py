@@ -4,7 +4,7 @@ Looks like: another centre of gravity from one instant on. Matters: neither part
 clamp it, and record again.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.sudden import STEPS, after_steps
@@ -17,7 +17,8 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 SLIP = ErrorModel(
-    name="slip", count=3 * len(STEPS), act=act, part="body", scope="run", needs=frozenset({"mounting"}),
+    name="slip", count=3 * len(STEPS), act=act, stage=Stage.BODY,
+    part="body", scope="run", needs=frozenset({"mounting"}),
     prior=fixed(*[1e-3] * 3 * len(STEPS)),
     words=CauseWords("slip", "the body slipped by {}", "clamp it, and record again", largest(1e3, "mm")),
 )  # fmt: skip

@@ -4,7 +4,7 @@ Looks like: a force as of the acceleration of a lever arm. Matters: specific for
 err by it. Do: declare ``r_cg_from_omb`` with its uncertainty.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -16,7 +16,7 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 STILL_MISSED = ErrorModel(
-    name="still_missed", count=3, act=act, part="body", unknowns=("cg_from_still",), by_hand=True,
+    name="still_missed", count=3, act=act, stage=Stage.BODY, part="body", unknowns=("cg_from_still",), by_hand=True,
     prior=fixed(*[0.02] * 3), declared_as=("r_cg_from_omb", "bias"),
     words=CauseWords(
         "still missed", "the centre of gravity were off the point at rest by {}",

@@ -5,7 +5,7 @@ Looks like: weight along an axis of the body. Matters: little, where the attitud
 
 from dataclasses import replace
 
-from identify.errors.error_model import ErrorModel, Numbers
+from identify.errors.error_model import ErrorModel, Numbers, Stage
 from identify.errors.rig_state import RigState
 
 
@@ -15,6 +15,7 @@ def act(state: RigState, bias: Numbers) -> RigState:
 
 
 ACCELEROMETER_BIAS = ErrorModel(
-    name="accelerometer_bias", count=3, act=act, part="accelerometer", scope="run", needs=frozenset({"accelerometer"}),
+    name="accelerometer_bias", count=3, act=act, stage=Stage.SENSOR_ZERO,
+    part="accelerometer", scope="run", needs=frozenset({"accelerometer"}),
     unknowns=("accelerometer_bias",), by_hand=True,
 )  # fmt: skip

@@ -6,7 +6,7 @@ Looks like: specific force that lags behind angular velocity and load cell. Matt
 
 from dataclasses import replace
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -18,7 +18,8 @@ def act(state: RigState, seconds: Numbers) -> RigState:
 
 
 ACCELEROMETER_DELAY = ErrorModel(
-    name="accelerometer_delay", count=1, act=act, part="accelerometer", needs=frozenset({"accelerometer"}),
+    name="accelerometer_delay", count=1, act=act, stage=Stage.SENSOR_FILTER,
+    part="accelerometer", needs=frozenset({"accelerometer"}),
     prior=fixed(0.005),
     words=CauseWords(
         "accelerometer delay", "the accelerometer lagged behind the gyro by {}",

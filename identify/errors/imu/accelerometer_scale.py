@@ -6,12 +6,16 @@ inertia. Do: calibrate it.
 
 from dataclasses import replace
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
-TYPICAL = TypicalSize(figure=0.003, text="scale of the accelerometer", unit="%", per_si=100)  # as the gyro
+# as the gyro
+TYPICAL = TypicalSize(
+    figure=0.003, key_unit="%", text="scale of the accelerometer", unit="%", per_si=100.0,
+    about="Scale error of each axis of the accelerometer, where the estimate takes the specific force from it.",
+)  # fmt: skip
 
 
 def act(state: RigState, scale: Numbers) -> RigState:
@@ -20,7 +24,8 @@ def act(state: RigState, scale: Numbers) -> RigState:
 
 
 ACCELEROMETER_SCALE = ErrorModel(
-    name="accelerometer_scale", count=3, act=act, part="accelerometer", needs=frozenset({"accelerometer"}),
+    name="accelerometer_scale", count=3, act=act, stage=Stage.SENSOR_GAIN,
+    part="accelerometer", needs=frozenset({"accelerometer"}),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", every(-100.0, "%")

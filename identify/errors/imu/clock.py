@@ -3,7 +3,7 @@
 Looks like: a delay that grows over the run. Matters: as the mean delay, which is any. Do: check the stamps.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import first
@@ -19,6 +19,7 @@ CLOCK = ErrorModel(
     name="clock",
     count=2,
     act=act,
+    stage=Stage.STAMPS,
     part="imu",
     scope="run",
     prior=fixed(0.02, 0.01),

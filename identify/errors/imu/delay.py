@@ -6,12 +6,16 @@ Do: declare the delay, or let method joint estimate it.
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
-TYPICAL = TypicalSize(figure=0.001, text="delay of the gyro", unit="ms", per_si=1e3)  # a frame of USB 2.0
+# a frame of USB 2.0
+TYPICAL = TypicalSize(
+    figure=0.001, key_unit="s", text="delay of the gyro", unit="ms", per_si=1e3,
+    about="Delay of the gyro against the load cell.",
+)  # fmt: skip
 
 
 def act(state: RigState, seconds: Numbers) -> RigState:
@@ -20,7 +24,8 @@ def act(state: RigState, seconds: Numbers) -> RigState:
 
 
 DELAY = ErrorModel(
-    name="delay", count=1, act=act, part="imu", unknowns=("delay",), by_hand=True, declared_as=("omega", "delay"),
+    name="delay", count=1, act=act, stage=Stage.STAMPS,
+    part="imu", unknowns=("delay",), by_hand=True, declared_as=("omega", "delay"),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(TYPICAL.figure),
     words=CauseWords(
         "delay", "the angular velocity lagged by {}", "declare the delay, or let method joint estimate it",

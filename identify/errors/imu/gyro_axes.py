@@ -8,14 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 from identify.rigid_body.rotation import exponential
 
 # a package on a board
-TYPICAL = TypicalSize(figure=0.005, text="misalignment of the gyro", unit="mrad", per_si=1e3)
+TYPICAL = TypicalSize(
+    figure=0.005, key_unit="rad", text="misalignment of the gyro", unit="mrad", per_si=1e3,
+    about="Misalignment of the gyro with the body, about each axis.",
+)  # fmt: skip
 
 
 def act(state: RigState, turn: Numbers) -> RigState:
@@ -25,7 +28,8 @@ def act(state: RigState, turn: Numbers) -> RigState:
 
 
 GYRO_AXES = ErrorModel(
-    name="gyro_axes", count=3, act=act, part="gyro", needs=frozenset({"accelerometer"}), unknowns=("rotation",),
+    name="gyro_axes", count=3, act=act, stage=Stage.SENSOR_AXES,
+    part="gyro", needs=frozenset({"accelerometer"}), unknowns=("rotation",),
     declared_as=("omega", "misalignment"), typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "gyro axes", "the gyro were rotated against the accelerometer by {}",

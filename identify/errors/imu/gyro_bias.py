@@ -6,7 +6,7 @@ body still for a while before the run.
 
 from dataclasses import replace
 
-from identify.errors.error_model import ErrorModel, Numbers
+from identify.errors.error_model import ErrorModel, Numbers, Stage
 from identify.errors.rig_state import RigState
 
 
@@ -16,5 +16,12 @@ def act(state: RigState, bias: Numbers) -> RigState:
 
 
 GYRO_BIAS = ErrorModel(
-    name="gyro_bias", count=3, act=act, part="gyro", scope="run", unknowns=("gyro_bias",), by_hand=True
+    name="gyro_bias",
+    count=3,
+    act=act,
+    stage=Stage.SENSOR_ZERO,
+    part="gyro",
+    scope="run",
+    unknowns=("gyro_bias",),
+    by_hand=True,
 )

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import largest
@@ -21,7 +21,8 @@ def act(state: RigState, slope: Numbers) -> RigState:
 
 
 GYRO_DRIFT = ErrorModel(
-    name="gyro_drift", count=3, act=act, part="gyro", scope="run", unknowns=("gyro_drift",), by_hand=True,
+    name="gyro_drift", count=3, act=act, stage=Stage.SENSOR_ZERO,
+    part="gyro", scope="run", unknowns=("gyro_drift",), by_hand=True,
     prior=fixed(*[0.001] * 3),
     words=CauseWords(
         "gyro bias", "the gyro's zero drifted by {}", "let it warm up, or declare a drift", largest(1e3, "mrad/s²")

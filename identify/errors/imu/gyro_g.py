@@ -6,7 +6,7 @@ gyro's calibration.
 
 from dataclasses import replace
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import largest
@@ -20,7 +20,7 @@ def act(state: RigState, sensitivity: Numbers) -> RigState:
 
 
 GYRO_G = ErrorModel(
-    name="gyro_g", count=9, act=act, part="gyro", prior=fixed(*[3e-4] * 9),
+    name="gyro_g", count=9, act=act, stage=Stage.SENSOR_GAIN, part="gyro", prior=fixed(*[3e-4] * 9),
     words=CauseWords(
         "gyro g-sensitivity", "the gyro responded to acceleration, {}", "use the gyro's calibration",
         largest(1e3, "mrad/s per m/s²"),

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -27,7 +27,7 @@ def act(state: RigState, seconds: Numbers) -> RigState:
 
 
 GYRO_LATE = ErrorModel(
-    name="gyro_late", count=3, act=act, part="gyro", prior=fixed(*[0.003] * 3),
+    name="gyro_late", count=3, act=act, stage=Stage.SENSOR_FILTER, part="gyro", prior=fixed(*[0.003] * 3),
     words=CauseWords(
         "delay", "the gyro's axes lagged by {}", "give its axes the same filter, or declare the delay",
         every(1e3, "ms"),

@@ -6,12 +6,16 @@ calibrate the gyro, declare a scale, or check its unit.
 
 from dataclasses import replace
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
-TYPICAL = TypicalSize(figure=0.003, text="scale of the gyro", unit="%", per_si=100)  # MEMS gyros of rate grade
+# MEMS gyros of rate grade
+TYPICAL = TypicalSize(
+    figure=0.003, key_unit="%", text="scale of the gyro", unit="%", per_si=100.0,
+    about="Scale error of each axis of the gyro.",
+)  # fmt: skip
 
 
 def act(state: RigState, scale: Numbers) -> RigState:
@@ -20,7 +24,7 @@ def act(state: RigState, scale: Numbers) -> RigState:
 
 
 GYRO_SCALE = ErrorModel(
-    name="gyro_scale", count=3, act=act, part="gyro", unknowns=("gyro_scale",), by_hand=True,
+    name="gyro_scale", count=3, act=act, stage=Stage.SENSOR_GAIN, part="gyro", unknowns=("gyro_scale",), by_hand=True,
     declared_as=("omega", "scale"), typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, declare a scale, or check its unit",

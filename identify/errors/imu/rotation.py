@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.load_cell.load_cell_axes import TYPICAL
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
@@ -24,7 +24,7 @@ def act(state: RigState, turn: Numbers) -> RigState:
 
 
 ROTATION = ErrorModel(
-    name="rotation", count=3, act=act, part="imu", unknowns=("rotation",), by_hand=True,
+    name="rotation", count=3, act=act, stage=Stage.IMU_AXES, part="imu", unknowns=("rotation",), by_hand=True,
     prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "rotation", "the IMU were rotated against the load cell by {}", "correct imu_rotation_to_body",

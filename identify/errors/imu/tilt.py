@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import ErrorModel, Numbers
+from identify.errors.error_model import ErrorModel, Numbers, Stage
 from identify.errors.rig_state import RigState
 from identify.rigid_body.rotation import exponential
 
@@ -26,4 +26,6 @@ def act(state: RigState, tilt: Numbers) -> RigState:
     return replace(state, vertical=exponential(-tilt_axes(state.vertical) @ tilt) @ state.vertical)
 
 
-TILT = ErrorModel(name="tilt", count=2, act=act, part="imu", scope="run", unknowns=("tilt",), by_hand=True)
+TILT = ErrorModel(
+    name="tilt", count=2, act=act, stage=Stage.START, part="imu", scope="run", unknowns=("tilt",), by_hand=True
+)

@@ -8,12 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CELL_MATRIX, CauseWords, Columns, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CELL_MATRIX, CauseWords, Columns, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import full_scale
 from identify.errors.rig_state import RigState
 
 # of the largest force and moment
-TYPICAL = TypicalSize(figure=0.0015, text="cross-talk of the load cell", unit="%", per_si=100)
+TYPICAL = TypicalSize(
+    figure=0.0015, key_unit="%", text="cross-talk of the load cell", unit="%", per_si=100.0,
+    about="Cross-talk to each channel from every other component, in parts of the largest recorded force and moment.",
+)  # fmt: skip
 OFF_DIAGONAL = ~np.eye(6, dtype=bool)
 
 
@@ -31,7 +34,8 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 CROSS_TALK = ErrorModel(
-    name="cross_talk", count=30, act=act, part="load cell", unknowns=CELL_MATRIX, declared_as=("wrench", "cross_talk"),
+    name="cross_talk", count=30, act=act, stage=Stage.CELL_CROSS_TALK,
+    part="load cell", unknowns=CELL_MATRIX, declared_as=("wrench", "cross_talk"),
     typical=TYPICAL, prior=_prior,
     words=CauseWords(
         "cross-talk", "components of the load cell leaked into each other",

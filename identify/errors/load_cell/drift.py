@@ -6,7 +6,7 @@ declare a drift.
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.load_cell.zero import along_zero_axes
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
@@ -21,7 +21,7 @@ def act(state: RigState, change: Numbers) -> RigState:
 
 
 DRIFT = ErrorModel(
-    name="drift", count=6, act=act, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="drift", count=6, act=act, stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
     unknowns=("force_drift", "moment_drift"), by_hand=True, prior=fixed(*SIZES),
     words=CauseWords("drift", "the load cell's zeros drifted", "let it warm up, or declare a drift"),
 )  # fmt: skip

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -28,7 +28,7 @@ def _lateness(values: np.ndarray, spread: np.ndarray) -> str:
 
 
 FILTER = ErrorModel(
-    name="filter", count=2, act=act, part="load cell", prior=part_of_wrench(0.02),
+    name="filter", count=2, act=act, stage=Stage.CELL_FILTER, part="load cell", prior=part_of_wrench(0.02),
     words=CauseWords(
         "filter", "{}", "give both sensors the same filter, or declare the delay, or let method joint estimate it",
         _lateness,

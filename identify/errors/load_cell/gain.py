@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CELL_MATRIX, CauseWords, Columns, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CELL_MATRIX, CauseWords, Columns, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import full_scale
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -37,20 +37,25 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 GAIN = ErrorModel(
-    name="gain", count=6, act=act, part="load cell", unknowns=CELL_MATRIX, prior=_prior,
+    name="gain", count=6, act=act, stage=Stage.CELL_GAIN, part="load cell", unknowns=CELL_MATRIX, prior=_prior,
     words=CauseWords(
         "gain", "the load cell's gains were wrong by {}", "calibrate it, or declare a scale", every(100.0, "%")
     ),
 )  # fmt: skip
 FORCE_GAIN, FORCE_GAIN_BY_AXIS, MOMENT_GAIN, MOMENT_GAIN_BY_AXIS = (
     ErrorModel(
-        name=name, count=count, act=_on(rows), part="load cell", unknowns=CELL_MATRIX, declared_as=(target, "scale"),
-        typical=TypicalSize(figure=PART, text=text, unit="%", per_si=100),
+        name=name, count=count, act=_on(rows), stage=Stage.CELL_GAIN,
+        part="load cell", unknowns=CELL_MATRIX, declared_as=(target, "scale"),
+        typical=TypicalSize(figure=PART, key_unit="%", text=text, unit="%", per_si=100.0, about=about),
     )
-    for name, count, rows, target, text in (
-        ("force_gain", 1, slice(0, 3), "F", "common gain of the force"),
-        ("force_gain_by_axis", 3, slice(0, 3), "F", "gain of each force"),
-        ("moment_gain", 1, slice(3, 6), "M", "common gain of the moment"),
-        ("moment_gain_by_axis", 3, slice(3, 6), "M", "gain of each moment"),
+    for name, count, rows, target, text, about in (
+        ("force_gain", 1, slice(0, 3), "F", "common gain of the force",
+         "Gain error common to the three channels of the force."),
+        ("force_gain_by_axis", 3, slice(0, 3), "F", "gain of each force",
+         "Gain error of each channel of the force beside the common one."),
+        ("moment_gain", 1, slice(3, 6), "M", "common gain of the moment",
+         "Gain error common to the three channels of the moment."),
+        ("moment_gain_by_axis", 3, slice(3, 6), "M", "gain of each moment",
+         "Gain error of each channel of the moment beside the common one."),
     )
 )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
@@ -19,7 +19,8 @@ def act(state: RigState, gains: Numbers) -> RigState:
 
 
 GAIN_DRIFT = ErrorModel(
-    name="gain_drift", count=6, act=act, part="load cell", scope="run", prior=part_of_wrench(0.005),
+    name="gain_drift", count=6, act=act, stage=Stage.CELL_GAIN,
+    part="load cell", scope="run", prior=part_of_wrench(0.005),
     words=CauseWords(
         "gain drift", "the load cell's gains changed by {} over the run", "let it warm up", every(100.0, "%")
     ),

@@ -3,7 +3,7 @@
 Looks like: another offset from one instant on. Matters: as a drift. Do: record again.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 from identify.errors.sudden import STEPS, after_steps
@@ -15,6 +15,7 @@ def act(state: RigState, jumps: Numbers) -> RigState:
 
 
 JUMP = ErrorModel(
-    name="jump", count=6 * len(STEPS), act=act, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="jump", count=6 * len(STEPS), act=act, stage=Stage.CELL_ZERO,
+    part="load cell", scope="run", needs=frozenset({"zero"}),
     prior=part_of_wrench(0.02), words=CauseWords("jump", "the load cell's zeros jumped", "record again"),
 )  # fmt: skip

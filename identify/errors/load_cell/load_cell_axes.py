@@ -6,12 +6,15 @@ the turn times the difference of the moments. Do: correct ``wrench_rotation_to_b
 
 from dataclasses import replace
 
-from identify.errors.error_model import CELL_MATRIX, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CELL_MATRIX, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.rig_state import RigState
 from identify.rigid_body.rotation import exponential
 
 # bolts without dowels
-TYPICAL = TypicalSize(figure=0.005, text="misalignment of the load cell", unit="mrad", per_si=1e3)
+TYPICAL = TypicalSize(
+    figure=0.005, key_unit="rad", text="misalignment of the load cell", unit="mrad", per_si=1e3,
+    about="Misalignment of the load cell with the body, about each axis.",
+)  # fmt: skip
 
 
 def act(state: RigState, turn: Numbers) -> RigState:
@@ -21,6 +24,6 @@ def act(state: RigState, turn: Numbers) -> RigState:
 
 
 LOAD_CELL_AXES = ErrorModel(
-    name="load_cell_axes", count=3, act=act, part="load cell", unknowns=CELL_MATRIX,
+    name="load_cell_axes", count=3, act=act, stage=Stage.CELL_AXES, part="load cell", unknowns=CELL_MATRIX,
     declared_as=("wrench", "misalignment"), typical=TYPICAL,
 )  # fmt: skip

@@ -4,7 +4,7 @@ Looks like: a channel with the square of its component. Matters: the weight's of
 use its calibration, or load it less.
 """
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 
@@ -18,6 +18,7 @@ NONLINEARITY = ErrorModel(
     name="nonlinearity",
     count=6,
     act=act,
+    stage=Stage.CELL_GAIN,
     part="load cell",
     prior=part_of_wrench(0.005),
     words=CauseWords("nonlinearity", "the load cell were not linear", "use its calibration, or load it less"),

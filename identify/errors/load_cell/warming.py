@@ -6,7 +6,7 @@ Looks like: exponentials of time. Matters: as a drift. Do: let it warm up, decla
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.load_cell.drift import SIZES
 from identify.errors.load_cell.zero import along_zero_axes
 from identify.errors.priors_of_size import fixed
@@ -32,7 +32,8 @@ def act(state: RigState, changes: Numbers) -> RigState:
 
 
 WARMING = ErrorModel(
-    name="warming", count=6 * COUNT, act=act, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="warming", count=6 * COUNT, act=act, stage=Stage.CELL_ZERO,
+    part="load cell", scope="run", needs=frozenset({"zero"}),
     prior=fixed(*np.tile(SIZES, COUNT)),
     words=CauseWords(
         "drift", "the load cell's zeros drifted as it warmed up",

@@ -6,7 +6,7 @@ Looks like: a constant. Matters: not, where offsets are estimated. Do: let the e
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import ErrorModel, Numbers
+from identify.errors.error_model import ErrorModel, Numbers, Stage
 from identify.errors.rig_state import RigState
 
 
@@ -22,6 +22,6 @@ def act(state: RigState, zero: Numbers) -> RigState:
 
 
 ZERO = ErrorModel(
-    name="zero", count=6, act=act, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="zero", count=6, act=act, stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
     unknowns=("force_offset", "moment_offset"), by_hand=True,
 )  # fmt: skip

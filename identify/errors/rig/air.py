@@ -6,7 +6,7 @@ inertia, but their products are not. Do: turn more slowly.
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 
@@ -22,6 +22,7 @@ AIR = ErrorModel(
     name="air",
     count=6,
     act=act,
+    stage=Stage.SURROUNDINGS,
     part="rig",
     prior=part_of_wrench(0.02),
     words=CauseWords("air", "air or friction held the body back", "turn more slowly"),

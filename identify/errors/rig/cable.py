@@ -6,7 +6,7 @@ for inertia. Do: lay it loosely, or carry it along.
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import largest
@@ -23,7 +23,7 @@ def _pull(values: np.ndarray, spread: np.ndarray) -> str:
 
 
 CABLE = ErrorModel(
-    name="cable", count=18, act=act, part="rig", scope="run", needs=frozenset({"mounting"}),
+    name="cable", count=18, act=act, stage=Stage.SURROUNDINGS, part="rig", scope="run", needs=frozenset({"mounting"}),
     prior=part_of_wrench(0.02),
     words=CauseWords("cable", "a cable pulled with up to {}", "lay it loosely, or carry it along", _pull),
 )  # fmt: skip

@@ -4,10 +4,14 @@ Looks like: weight without the inertia of its mass, where the base is at rest. M
 inertia. Do: state ``platform.gravity`` of the place.
 """
 
-from identify.errors.error_model import ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.rig_state import RigState
 
-TYPICAL = TypicalSize(figure=0.015, text="error of gravity", unit="m/s²", per_si=1)  # from the equator to the poles
+# from the equator to the poles
+TYPICAL = TypicalSize(
+    figure=0.015, key_unit="m/s^2", text="error of gravity", unit="m/s²", per_si=1.0,
+    about="Local gravity less the stated one.",
+)  # fmt: skip
 
 
 def act(state: RigState, more: Numbers) -> RigState:
@@ -16,6 +20,7 @@ def act(state: RigState, more: Numbers) -> RigState:
 
 
 GRAVITY = ErrorModel(
-    name="gravity", count=1, act=act, part="rig", unknowns=("gravity",), by_hand=True, declared_as=("gravity", "bias"),
+    name="gravity", count=1, act=act, stage=Stage.SURROUNDINGS,
+    part="rig", unknowns=("gravity",), by_hand=True, declared_as=("gravity", "bias"),
     typical=TYPICAL,
 )  # fmt: skip

@@ -8,14 +8,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, ErrorModel, Numbers, TypicalSize
+from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState, TrueMotion
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.rotation import exponentials
 from identify.rounding import significant
 
-TYPICAL = TypicalSize(figure=50.0, text="flexibility of the mounting", unit="Hz", per_si=1)  # hexapods and adapters
+
+def _numbers(hertz: float) -> np.ndarray:
+    """The same flexibility about all axes."""
+    return np.full((3, 1), (2 * np.pi * hertz) ** -2)
+
+
+# hexapods and adapters
+TYPICAL = TypicalSize(
+    figure=50.0, key_unit="Hz", text="flexibility of the mounting", unit="Hz", per_si=1.0,
+    numbers=_numbers, signed=True,
+    about="Frequency of the body's vibration on its mounting about each axis; load cell and IMU stay on "
+    "the platform's side.",
+)  # fmt: skip
 
 
 def act(state: RigState, flexibility: Numbers) -> RigState:
@@ -65,7 +77,8 @@ def _stiffness(values: np.ndarray, spread: np.ndarray) -> str:
 
 
 MOUNTING = ErrorModel(
-    name="mounting_frequency", count=3, act=act, part="rig", needs=frozenset({"mounting"}), typical=TYPICAL,
+    name="mounting_frequency", count=3, act=act, stage=Stage.SURROUNDINGS,
+    part="rig", needs=frozenset({"mounting"}), typical=TYPICAL,
     prior=part_of_wrench(0.01),
     words=CauseWords("flexible mounting", "{}", "stiffen it, or move more slowly", _stiffness),
 )  # fmt: skip

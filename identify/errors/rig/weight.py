@@ -6,7 +6,7 @@ about Q is taken for inertia. Do: look for air or a cable that lifts it, or chec
 
 import numpy as np
 
-from identify.errors.error_model import CauseWords, Columns, ErrorModel, Numbers
+from identify.errors.error_model import CauseWords, Columns, ErrorModel, Numbers, Stage
 from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
@@ -25,7 +25,8 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 WEIGHT = ErrorModel(
-    name="weight", count=1, act=act, part="rig", needs=frozenset({"accelerometer"}), prior=_prior,
+    name="weight", count=1, act=act, stage=Stage.SURROUNDINGS,
+    part="rig", needs=frozenset({"accelerometer"}), prior=_prior,
     words=CauseWords(
         "weight", "the weight alone, not the inertia, were off by {}",
         "air or a cable that lifts it, or the accelerometer's scale? methods source and gls take the force as it is",

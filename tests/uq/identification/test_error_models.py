@@ -1,6 +1,6 @@
 """Every error that is coded by hand, for speed or on sums, against the act of its file.
 
-A run is simulated with errors that act one after another, and given to the estimator's prediction: what a further step
+A run is simulated with errors that act one after another, in the order of their stages, and given to the estimator's prediction: what a further step
 of an error changes of measured less predicted is what its columns say.
 """
 
