@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum, auto
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -154,15 +155,16 @@ class ErrorModel:
             for name, part in before.items() if any(plus[name] is not part for plus, _ in ends)
         }  # fmt: skip
 
-    def of_cell_matrix(self, numbers: Numbers) -> Float[np.ndarray, "36"]:
-        """Return the load cell's matrix less the unit matrix, row by row, by the error's numbers: linear in them.
+    @cached_property
+    def by_cell_matrix(self) -> Float[np.ndarray, "36 p"]:
+        """Derivative of the load cell's matrix, row by row, by the error's numbers.
 
         Raises:
             ValueError: the error is none of the load cell's matrix.
         """
         if self.unknowns != CELL_MATRIX:
             raise ValueError(f"Argument `self` must mix the load cell's channels, but is {self.name!r}.")
-        return np.ravel(self.derivatives(UNIT_WRENCHES)["wrench"].swapaxes(0, 1) @ numbers)
+        return np.asarray(self.derivatives(UNIT_WRENCHES)["wrench"].swapaxes(0, 1).reshape(36, self.count))
 
 
 def composed(errors: Iterable[ErrorModel], state: RigState, numbers: Mapping[str, Numbers]) -> RigState:

@@ -23,7 +23,7 @@ def act(state: RigState, slope: Numbers) -> RigState:
 GYRO_DRIFT = ErrorModel(
     name="gyro_drift", count=3, act=act, stage=Stage.SENSOR_ZERO,
     part="gyro", scope="run", unknowns=("gyro_drift",), by_hand=True,
-    prior=fixed(*[0.001] * 3),
+    declared_as=("omega", "drift"), prior=fixed(*[0.001] * 3),
     words=CauseWords(
         "gyro bias", "the gyro's zero drifted by {}", "let it warm up, or declare a drift", largest(1e3, "mrad/s²")
     ),

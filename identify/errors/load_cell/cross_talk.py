@@ -17,24 +17,21 @@ TYPICAL = TypicalSize(
     figure=0.0015, key_unit="%", text="cross-talk of the load cell", unit="%", per_si=100.0,
     about="Cross-talk to each channel from every other component, in parts of the largest recorded force and moment.",
 )  # fmt: skip
-OFF_DIAGONAL = ~np.eye(6, dtype=bool)
 
 
 def act(state: RigState, elements: Numbers) -> RigState:
-    """Return the state of a load cell of whose matrix these are the elements off the diagonal, row by row."""
-    matrix = np.eye(6)
-    matrix[OFF_DIAGONAL] = elements
-    return replace(state, wrench=state.wrench @ matrix.T)
+    """Return the state of a load cell whose channels (rows) add such parts of each component (columns), row by row."""
+    return replace(state, wrench=state.wrench @ (np.eye(6) + elements.reshape(6, 6)).T)
 
 
 def _prior(state: RigState, columns: Columns) -> Numbers:
     size = full_scale(state)
     over = np.divide(1.0, size, out=np.zeros(6), where=size > 0)
-    return TYPICAL.figure * np.outer(size, over)[OFF_DIAGONAL]
+    return np.ravel(TYPICAL.figure * np.outer(size, over) * (1 - np.eye(6)))  # the diagonal is the gains'
 
 
 CROSS_TALK = ErrorModel(
-    name="cross_talk", count=30, act=act, stage=Stage.CELL_CROSS_TALK,
+    name="cross_talk", count=36, act=act, stage=Stage.CELL_CROSS_TALK,
     part="load cell", unknowns=CELL_MATRIX, declared_as=("wrench", "cross_talk"),
     typical=TYPICAL, prior=_prior,
     words=CauseWords(

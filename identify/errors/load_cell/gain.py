@@ -37,7 +37,8 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 GAIN = ErrorModel(
-    name="gain", count=6, act=act, stage=Stage.CELL_GAIN, part="load cell", unknowns=CELL_MATRIX, prior=_prior,
+    name="gain", count=6, act=act, stage=Stage.CELL_GAIN, part="load cell", unknowns=CELL_MATRIX,
+    declared_as=("F", "scale"), prior=_prior,
     words=CauseWords(
         "gain", "the load cell's gains were wrong by {}", "calibrate it, or declare a scale", every(100.0, "%")
     ),
