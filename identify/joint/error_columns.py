@@ -10,10 +10,24 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.errors.error_model import ErrorModel
 from identify.errors.rig_state import Beliefs, RigState, TrueMotion
+from identify.joint.joint_model import BY_ACT
 from identify.joint.predicted_wrench import Columns, PredictedWrench
+
+
+def derivative(run: PredictedWrench, unknown: str) -> Columns:
+    """Return the derivative of what is predicted by an unknown of the joint model, (n, 6, p)."""
+    return ErrorColumns(run).of(BY_ACT[unknown]) if unknown in BY_ACT else run.derivative(unknown)
+
+
+def departure(run: PredictedWrench) -> Float[np.ndarray, "n 6"]:
+    """Return measured less predicted [N], [N·m], with all unknowns of the joint model."""
+    acting = [name for name in BY_ACT if run.x[name].any()]
+    return run.residuals - sum((derivative(run, name) @ run.x[name] for name in acting), np.zeros((1, 6)))
+
 
 OF_BODY_AND_RIG = ("mass", "r_cg", "inertia", "gravity", "cg_from_still")
 """Beliefs that are unknowns of the joint model."""

@@ -1,8 +1,8 @@
 """Effects of errors of the rig that an estimate takes as zero: its derivative by each of them.
 
 Of the joint estimate: the normal equations of its unknowns under their priors, weighed as it weighs them, with the
-errors' signals on the other side. Of least squares only what no declared source can be, the mounting's flexibility; the
-rest has the derivatives of type B (:mod:`uq.identification.systematic_errors`).
+errors' signals on the other side. Of least squares only what no declared source can be, as the mounting's flexibility;
+the rest has the derivatives of type B (:mod:`uq.identification.systematic_errors`).
 
 Quantities that the estimator takes as declared are compared with the runs.
 """
@@ -17,7 +17,6 @@ from identify.errors.body.centre_of_gravity import CENTRE_OF_GRAVITY
 from identify.errors.body.mass import MASS
 from identify.errors.error_model import CELL_MATRIX, ErrorModel
 from identify.errors.registry import ERRORS
-from identify.errors.rig.mounting import MOUNTING
 from identify.joint.error_columns import ErrorColumns
 from identify.joint.joint_model import TEN
 from identify.joint.joint_pooling import shared_unknowns
@@ -53,10 +52,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
         fits: of each run, at its best under the same priors, its specific force from where the estimator has it.
     """
     if result.method != "joint":
-        added = [ErrorColumns(fit.prediction).of(MOUNTING) for fit in fits]
-        weights = [run.weight for run in result.runs]
-        change = tensor_change(fits, weights, added, offsets=result.offsets == "estimate")
-        return {MOUNTING.name: np.vstack([np.zeros((4, 3)), change])}
+        return {error.name: _by_least_squares(error, result, fits) for error in BESIDE if _undeclarable(error)}
     held = [_held(fit.prediction) for fit in fits]
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
@@ -65,6 +61,17 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     shift = pooled_change(fits, added, shared)[indices(TEN)]
     sizes = [columns.shape[2] for columns in held[0].values()]
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
+
+
+def _undeclarable(error: ErrorModel) -> bool:
+    """Whether no source can be the error, which changes the moment about the centre of gravity."""
+    return error.declared_as is None and error.part != "accelerometer"
+
+
+def _by_least_squares(error: ErrorModel, result: Identification, fits: Sequence[RunFit]) -> Float[np.ndarray, "10 p"]:
+    added, weights = [ErrorColumns(fit.prediction).of(error) for fit in fits], [run.weight for run in result.runs]
+    change = tensor_change(fits, weights, added, offsets=result.offsets == "estimate")
+    return np.vstack([np.zeros((4, error.count)), change])
 
 
 def _shared(problem: Problem) -> set[str]:

@@ -17,7 +17,7 @@ from identify.rounding import significant
 
 
 def _numbers(hertz: float) -> np.ndarray:
-    """The same flexibility about all axes."""
+    """Flexibility that is the same about all axes."""
     return np.full((3, 1), (2 * np.pi * hertz) ** -2)
 
 
