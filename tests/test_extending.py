@@ -1,9 +1,11 @@
 """The examples of docs/how-to/extending.md: a package that has the files and their entry points, used as the page shows."""
 
 import importlib
+import os
 import pkgutil
 import re
 import shutil
+import subprocess
 import sys
 import tomllib
 from importlib.metadata import entry_points
@@ -120,6 +122,59 @@ def test_a_new_kind_of_error_source(extended):
     # 200 trials tell a 3σ within 5 %: 1e-4 false alarms in six components at 4.2 of these
     np.testing.assert_allclose(names["monte_carlo"], names["by_law"], rtol=0.21)
     assert (names["by_law"] > 0).all()
+
+
+WARMED = """
+from dataclasses import replace
+
+import jax
+import numpy as np
+
+from identify.joint.priors import ConstantError
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_files import document
+from tests.helpers.laboratory_runs import identified, run_of
+from uq.experiment.experiment import Experiment
+from uq.identification.undeclared import with_undeclared
+
+jax.config.update("jax_enable_x64", True)
+clean = measure(3, seconds=15.0)
+since = (clean.t_imu - clean.t_imu[0])[:, None] / (clean.t_imu[-1] - clean.t_imu[0])
+warm = replace(clean, omega=clean.omega * (1 + 0.02 * since))
+named = identified(warm)
+print(*named.warnings, *(cause.docs for cause in named.consistency), sep="\\n")
+table = {"undeclared": {"gyro_warming": "0.1 %"}}
+plain = with_undeclared(identified(clean), [run_of(clean)], Experiment.from_dict(document(clean) | table))
+(effect,) = (effect for effect in plain.undeclared.effects if effect.name == "gyro_warming")
+off = identified(replace(clean, omega=clean.omega * (1 + 1e-3 * since))).inertia - identified(clean).inertia
+print(effect.text, effect.figure, bool(abs(effect.inertia[5] / off[5] + 1) < 0.1))
+errors = {"gyro_warming": ConstantError("gyro_warming", np.zeros(3), 0.02**2 * np.eye(3))}
+joint = identified(warm, "joint", errors=errors)
+far = np.abs(joint.inertia - clean.truth) / joint.standard_uncertainty
+print(joint.consistency, bool((far < 3).all()), "gyro_warming" in joint.budget)
+"""
+
+
+def test_a_new_error_of_the_rig(tmp_path):
+    """One file and one line in a copy of the program: it is named, counted while undeclared, estimated and printed."""
+    for package in ("identify", "rig", "tests", "uq"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(PAGE.parents[1] / "extensions" / "gyro_warming.py", tmp_path / "identify" / "errors" / "imu")
+    registry = tmp_path / "identify" / "errors" / "registry.py"
+    text = registry.read_text("utf-8").replace("ERRORS:", f"{IMPORTED}\n\nERRORS:", 1)
+    registry.write_text(text.replace(" GYRO_SCALE, ", " GYRO_SCALE, GYRO_WARMING, ", 1), "utf-8")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    ran = subprocess.run([sys.executable, "-c", WARMED], env=environment, capture_output=True, text=True, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    warning, docs, undeclared, estimated = ran.stdout.splitlines()
+    found = re.search(r"changed by \(([\d.]+) ± \S+, ([\d.]+) ± \S+, ([\d.]+) ± \S+\) % over the run", warning).groups()
+    np.testing.assert_allclose([float(value) for value in found], 2, atol=0.15)
+    assert docs == "docs/explanation/troubles.md#gyro-warming"
+    assert undeclared == "warming of the gyro 0.1 % True"
+    assert estimated == "() True True"
+
+
+IMPORTED = "from identify.errors.imu.gyro_warming import GYRO_WARMING"
 
 
 class Wire:

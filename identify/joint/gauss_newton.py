@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.joint.error_columns import departure, derivative
 from identify.joint.joint_model import SIZES, SLICES, Model
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.joint.priors import Prior
@@ -66,8 +67,8 @@ def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transf
         root = prior.root[SLICES[name]]
         acting = root.any(axis=0)
         if acting.any():
-            transformed.append((acting, transform(counted(prediction.derivative(name) @ root[:, acting]))))
-    residuals = transform(counted(prediction.residuals[:, :, None]))[:, :, 0]
+            transformed.append((acting, transform(counted(derivative(prediction, name) @ root[:, acting]))))
+    residuals = transform(counted(departure(prediction)[:, :, None]))[:, :, 0]
     columns = np.zeros((*residuals.shape, len(z)))
     for acting, block in transformed:
         columns[:, :, acting] += block

@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
+from identify.errors.registry import ERRORS
 from identify.signals.band_limited_run import InBand
 from identify.signals.resample import UniformSpline
 
@@ -50,6 +51,9 @@ SIZES = {
 - ``cell_matrix``: ``D`` row by row, the load cell reading ``(1 + D)`` times the wrench (force, moment): scale factors,
   cross-talk and a small misalignment [1, N per N·m, N·m per N].
 """
+BY_ACT = {error.name: error for error in ERRORS.values() if error.unknowns == (error.name,) and not error.by_hand}
+"""Further errors that are unknowns: to first order, since their derivatives are from their act."""
+SIZES |= {name: error.count for name, error in BY_ACT.items()}
 _ENDS = np.cumsum(list(SIZES.values()))
 SLICES = {name: slice(int(end) - size, int(end)) for (name, size), end in zip(SIZES.items(), _ENDS, strict=True)}
 """Slice of each unknown in the vector of all unknowns."""

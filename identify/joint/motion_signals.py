@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from identify.errors.imu.tilt import tilt_axes
 from identify.joint.joint_model import WANDER, Model
 from identify.motion.attitude import GAUSS, magnus_turn
 from identify.rigid_body.regressor import cross_matrices
@@ -185,11 +186,7 @@ class MotionSignals:
 
     @cached_property
     def _tilt_axes(self) -> Float[np.ndarray, "3 2"]:
-        """Two axes at right angles to the model's vertical: x and y where it is vertical."""
-        up = self.model.up
-        first = np.cross([0.0, 1.0, 0.0] if abs(up[1]) < 0.9 else [0.0, 0.0, 1.0], up)
-        first = first / np.linalg.norm(first)
-        return np.stack([first, np.cross(up, first)], axis=1)
+        return tilt_axes(self.model.up)
 
     @cached_property
     def up_at_start(self) -> Float[np.ndarray, "3"]:

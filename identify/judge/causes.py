@@ -1,253 +1,20 @@
-"""The causes that are looked for: what each adds to force and moment, its typical size, and those that runs follow."""
+"""The errors that are looked for in the residuals of runs, and those that these follow."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.joint.predicted_wrench import PredictedWrench
-from identify.judge.conventions.convention_fit import drift_shapes
+from identify.errors.error_model import ErrorModel
+from identify.errors.registry import ERRORS
+from identify.joint.error_columns import ErrorColumns
 from identify.judge.evidence import Base, Evidence, evidence
-from identify.judge.findings import Cause
 from identify.judge.run_fit import RunFit
-from identify.judge.typical_sizes import TYPICAL
-from identify.rigid_body.regressor import cross_matrices, cross_matrix
-from identify.signals.resample import uniform_spline
+from identify.results.declaration import ResidualCause
 
 Made = tuple[np.ndarray, np.ndarray]
 """Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
-
-
-def _unknown(*parts: tuple[str, float]) -> Callable[[PredictedWrench], Made]:
-    def make(run: PredictedWrench) -> Made:
-        columns = [run.derivative(unknown) for unknown, _ in parts]
-        sizes = [np.full(block.shape[2], size) for block, (_, size) in zip(columns, parts, strict=True)]
-        return np.concatenate(columns, axis=2), np.concatenate(sizes)
-
-    return make
-
-
-def _matrix(where: Callable[[int, int], bool], part: float) -> Callable[[PredictedWrench], Made]:
-    """Elements of the load cell's matrix, each as large as this part of the component's size."""
-
-    def make(run: PredictedWrench) -> Made:
-        size = _largest(np.sqrt((run.wrench**2).mean(axis=0)))
-        chosen = [(i, j) for i in range(6) for j in range(6) if where(i, j)]
-        columns = run.derivative("cell_matrix")[:, :, [6 * i + j for i, j in chosen]]
-        return columns, np.array([part * size[i] / size[j] if size[j] > 0 else 0.0 for i, j in chosen])
-
-    return make
-
-
-def _wrench(signal: Callable[[PredictedWrench], np.ndarray], part: float) -> Callable[[PredictedWrench], Made]:
-    """Additions to the wrench, (n, 6, p), each as large as this part of the wrench's changes."""
-
-    def make(run: PredictedWrench) -> Made:
-        columns, changes = signal(run), _largest(run.wrench.std(axis=0))
-        rms = np.sqrt((columns**2).mean(axis=0))
-        endless = np.full(rms.shape, np.inf)
-        ratio = np.divide(changes[:, None], rms, out=endless, where=rms > 1e-12 * rms.max())
-        size = part * ratio.min(axis=0)
-        return columns, np.where(np.isfinite(size), size, 0.0)
-
-    return make
-
-
-def _largest(sizes: np.ndarray) -> np.ndarray:
-    """The largest of force and of moment, on each of their rows."""
-    return np.repeat([sizes[:3].max(), sizes[3:].max()], 3)
-
-
-def _on_axes(signal: np.ndarray, rows: slice) -> np.ndarray:
-    """Each component of a signal (n, k) on its own row of the wrench, (n, 6, k)."""
-    columns = np.zeros((len(signal), 6, signal.shape[1]))
-    columns[:, np.arange(6)[rows], np.arange(signal.shape[1])] = signal
-    return columns
-
-
-def _cable(run: PredictedWrench) -> np.ndarray:
-    """Force and moment linear in the attitude."""
-    attitude = run.signals.turning
-    columns = np.zeros((len(attitude), 6, 18))
-    for row in range(6):
-        columns[:, row, 3 * row : 3 * row + 3] = attitude
-    return columns
-
-
-def _air(run: PredictedWrench) -> np.ndarray:
-    omega = run.signals.omega
-    return np.concatenate([_on_axes(omega, slice(3, 6)), _on_axes(np.abs(omega) * omega, slice(3, 6))], axis=2)
-
-
-def _flexible(run: PredictedWrench) -> np.ndarray:
-    """A body that turns on its mounting by −M/k: its angular acceleration has the second derivative of that, too."""
-    return _on_axes(-derivative(run, run.wrench[:, 3:], 2), slice(3, 6))
-
-
-def _moving(run: PredictedWrench) -> np.ndarray:
-    return run.derivative("inertia") * run.signals.progress[:, None, None]
-
-
-def _gain_drift(run: PredictedWrench) -> np.ndarray:
-    """Gains that were right at the start."""
-    return _on_axes(run.wrench * (run.signals.progress + 0.5)[:, None], slice(0, 6))
-
-
-def _late(run: PredictedWrench) -> np.ndarray:
-    """Force and moment that come late, each by its own time."""
-    slope = -derivative(run, run.wrench, 1)
-    columns = np.zeros((len(slope), 6, 2))
-    columns[:, :3, 0], columns[:, 3:, 1] = slope[:, :3], slope[:, 3:]
-    return columns
-
-
-def derivative(run: PredictedWrench, signal: np.ndarray, order: int) -> np.ndarray:
-    """Return a derivative of a signal of a run's rows by time."""
-    step = run.model.rows.interval
-    return uniform_spline(signal, step, degree=5)(step * np.arange(len(signal)), order)
-
-
-def _carried(run: PredictedWrench, force: Float[np.ndarray, "n 3 p"]) -> np.ndarray:
-    """A force at the centre of gravity with its moment about Q, where the accelerometer tells it, (n, 6, p)."""
-    lever = cross_matrix(run.x["r_cg"]) @ force
-    return np.concatenate([force, lever], axis=1) * (run.force_from == "accelerometer")
-
-
-def accelerometer_place(run: PredictedWrench) -> np.ndarray:
-    """Return what a metre of the accelerometer's place adds to the wrench, (n, 6, 3), where it tells the force."""
-    return _carried(run, -run.x["mass"] * run.signals.levers)
-
-
-def accelerometer_scale(run: PredictedWrench) -> np.ndarray:
-    """Return what the accelerometer's scale factors add to the wrench, (n, 6, 3), where it tells the specific force."""
-    return _carried(run, -run.wrench[:, :3, None] * np.eye(3))
-
-
-def _accelerometer_late(run: PredictedWrench) -> Made:
-    """An accelerometer whose samples are older than the gyro's."""
-    reads = run.force_from == "accelerometer"
-    slope = run.signals.accelerometer_slope if reads else np.zeros_like(run.signals.omega)
-    return _carried(run, run.x["mass"] * slope[:, :, None]), np.array([0.005])
-
-
-def gyro_axes(run: PredictedWrench) -> Float[np.ndarray, "n 6 3"]:
-    """Return what a gyro turned by a radian against the accelerometer adds; without one it is the IMU that turns."""
-    omega, alpha = -run.signals.spin, -cross_matrices(run.signals.alpha)
-    return run.changed(omega, alpha, np.zeros_like(omega)) * (run.force_from == "accelerometer")
-
-
-def _gyro_late(run: PredictedWrench) -> Made:
-    """Axes of the gyro that come late, each by its own time."""
-    slopes = run.signals.alpha, derivative(run, run.signals.alpha, 1)
-    omega, alpha = (signal[:, :, None] * np.eye(3) for signal in slopes)
-    nodes = run.signals.nodes
-    turning = np.gradient(run.signals.rate_at(nodes), nodes, axis=0)[:, :, None] * np.eye(3)
-    return run.changed(omega, alpha, np.zeros_like(omega), turning=turning), np.full(3, 0.003)
-
-
-def _gyro_g(run: PredictedWrench) -> Made:
-    """Angular velocity that specific force feigns, each axis by each: its slope counts in alpha."""
-    force = run.specific_force
-    slope = derivative(run, force, 1)
-    omega, alpha = (
-        -np.einsum("nj,ik->nikj", signal, np.eye(3)).reshape(len(signal), 3, 9) for signal in (force, slope)
-    )
-    at_nodes = run.signals.up_at_start @ run.signals.attitude_at_nodes  # gravity alone, where the attitude follows
-    turning = -run.gravity * np.einsum("nj,ik->nikj", at_nodes, np.eye(3)).reshape(len(at_nodes), 3, 9)
-    return run.changed(omega, alpha, np.zeros_like(omega), turning=turning), np.full(9, 3e-4)
-
-
-def _clock(run: PredictedWrench) -> Made:
-    """A delay that grows over the run, about one that is any: clocks agree at the start rather than midway."""
-    delay = run.derivative("delay")
-    return np.concatenate([delay * run.signals.progress[:, None, None], delay], axis=2), np.array([0.02, 0.01])
-
-
-STEPS = (-0.25, 0.0, 0.25)
-"""Instants at which a sudden change is assumed, in parts of the run from its middle.
-
-Choice: three, which a change between them still resembles.
-"""
-
-
-def _jump(run: PredictedWrench) -> np.ndarray:
-    return np.concatenate(
-        [_on_axes(np.repeat((run.signals.progress > at)[:, None], 6, axis=1).astype(float), slice(0, 6))
-         for at in STEPS], axis=2,
-    )  # fmt: skip
-
-
-def _warming(run: PredictedWrench) -> Made:
-    """Zeros that warm up: they drift faster at the start."""
-    shapes = drift_shapes(run.signals.t)
-    each = [run.derivative(f"{name}_offset") for name in ("force", "moment")]
-    columns = np.concatenate([block * shape[:, None, None] for shape in shapes.T for block in each], axis=2)
-    return columns, np.tile(np.repeat([2.0, 0.05], 3), shapes.shape[1])
-
-
-def _slip(run: PredictedWrench) -> Made:
-    """A body that slips after a quarter, a half or three quarters of the run."""
-    after = np.stack([run.signals.progress > at for at in STEPS], axis=1).astype(float)
-    columns = np.einsum("nip,nk->nipk", run.derivative("r_cg"), after).reshape(len(after), 6, -1)
-    return columns, np.full(columns.shape[2], 1e-3)
-
-
-def _mass(run: PredictedWrench) -> Made:
-    return run.derivative("mass"), TYPICAL["mass"] * np.abs(run.x["mass"])
-
-
-def _weight(run: PredictedWrench) -> Made:
-    """A force along the vertical at the centre of gravity, where the accelerometer tells inertia from weight."""
-    up = run.signals.up[:, :, None] * (run.force_from == "accelerometer")
-    return np.concatenate([up, cross_matrix(run.x["r_cg"]) @ up], axis=1), 0.01 * np.abs(run.x["mass"]) * run.gravity
-
-
-UNKNOWNS = {
-    Cause.DELAY: "delay", Cause.ROTATION: "rotation", Cause.MASS: "mass", Cause.CENTRE: "r_cg",
-    Cause.STILL_MISSED: "cg_from_still",
-}  # fmt: skip
-"""Causes that are one unknown of the joint model."""
-SIGNALS: dict[Cause, Callable[[PredictedWrench], Made]] = {
-    Cause.DELAY: _unknown(("delay", TYPICAL["delay"])),
-    Cause.ROTATION: _unknown(("rotation", TYPICAL["load_cell_axes"])),
-    Cause.CENTRE: _unknown(("r_cg", TYPICAL["centre_of_gravity"])),
-    Cause.MASS: _mass,
-    Cause.WEIGHT_ALONE: _weight,
-    Cause.STILL_MISSED: _unknown(("cg_from_still", 0.02)),
-    Cause.GYRO_SCALE: _unknown(("gyro_scale", TYPICAL["gyro_scale"])),
-    Cause.GYRO_BIAS: _unknown(("gyro_drift", 0.001)),
-    Cause.GYRO_AXES: lambda run: (gyro_axes(run), np.full(3, TYPICAL["gyro_axes"])),
-    Cause.GYRO_LATE: _gyro_late,
-    Cause.GYRO_G: _gyro_g,
-    Cause.GAIN: _matrix(lambda i, j: i == j, float(np.hypot(TYPICAL["force_gain"], TYPICAL["force_gain_by_axis"]))),
-    Cause.CROSS_TALK: _matrix(lambda i, j: i != j, TYPICAL["cross_talk"]),
-    Cause.DRIFT: _unknown(("force_drift", 2.0), ("moment_drift", 0.05)),
-    Cause.WARMING: _warming,
-    Cause.JUMP: _wrench(_jump, 0.02),
-    Cause.SLIP: _slip,
-    Cause.GAIN_DRIFT: _wrench(_gain_drift, 0.005),
-    Cause.CABLE: _wrench(_cable, 0.02),
-    Cause.AIR: _wrench(_air, 0.02),
-    Cause.FLEXIBLE_MOUNTING: _wrench(_flexible, 0.01),
-    Cause.TENSOR: _wrench(_moving, 0.01),
-    Cause.ACCELEROMETER_PLACE: lambda run: (accelerometer_place(run), np.full(3, TYPICAL["accelerometer_place"])),
-    Cause.ACCELEROMETER_SCALE: lambda run: (accelerometer_scale(run), np.full(3, TYPICAL["accelerometer_scale"])),
-    Cause.ACCELEROMETER_LATE: _accelerometer_late,
-    Cause.CLOCK: _clock,
-    Cause.FILTER: _wrench(_late, 0.02),
-    Cause.NONLINEARITY: _wrench(lambda run: _on_axes(run.wrench**2, slice(0, 6)), 0.005),
-}
-"""Functions that make the signals of each cause, for coefficients in SI, and their typical sizes."""
-OF_A_RUN = frozenset(
-    {Cause.GYRO_BIAS, Cause.DRIFT, Cause.WARMING, Cause.JUMP, Cause.SLIP, Cause.GAIN_DRIFT, Cause.CABLE,
-     Cause.TENSOR, Cause.CLOCK}
-)  # fmt: skip
-"""Causes that belong to a run and are judged in it; all others belong to the rig and have one value in all runs."""
-IN_FLIGHT = frozenset({Cause.CENTRE, Cause.SLIP, Cause.CABLE, Cause.FLEXIBLE_MOUNTING})
-"""Causes that need a mounting, or weight: no body in free flight has them."""
-OF_A_ZERO = frozenset({Cause.DRIFT, Cause.WARMING, Cause.JUMP})
-"""Causes that need a load cell's zero."""
 
 
 CHANCE = 1e-4
@@ -297,7 +64,7 @@ Choice: less may be an error of linearisation of the first.
 class PossibleCause(NamedTuple):
     """A cause in the runs that would have it."""
 
-    finding: Cause
+    finding: ErrorModel
     run: int | None
     """Index of the run to which it belongs; None: it belongs to the rig, and all runs have it."""
     size: Float[np.ndarray, " p"]
@@ -330,7 +97,7 @@ class PossibleCause(NamedTuple):
         return min([more.chance for more in further if more is not None], default=1.0) * len(further) > UNLIKE
 
 
-def candidates(fits: Sequence[RunFit], excluded: frozenset[Cause]) -> list[PossibleCause]:
+def candidates(fits: Sequence[RunFit], excluded: frozenset[ErrorModel]) -> list[PossibleCause]:
     """Return the causes to look for.
 
     Args:
@@ -338,15 +105,16 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[Cause]) -> list[Possi
         excluded: causes that cannot be, or that are no news.
     """
     made: list[PossibleCause] = []
-    for finding, make in SIGNALS.items():
-        if finding not in excluded:
-            parts = [make(fit.prediction) for fit in fits]
-            owners: Iterable[int | None] = range(len(fits)) if finding in OF_A_RUN else [None]
-            made += [_candidate(finding, owner, fits, parts) for owner in owners]
+    runs = [ErrorColumns(fit.prediction) for fit in fits]
+    for error in ERRORS.values():
+        if error.prior is not None and error not in excluded:
+            parts = [(columns := run.of(error), error.prior(run.rows, columns)) for run in runs]
+            owners: Iterable[int | None] = range(len(fits)) if error.scope == "run" else [None]
+            made += [_candidate(error, owner, fits, parts) for owner in owners]
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(finding: Cause, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
+def _candidate(finding: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
     """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
     having = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in having], axis=0)
@@ -369,16 +137,24 @@ class FollowedCause(NamedTuple):
         """Change of the measured wrench of each run by a typical size of each coefficient, (n, 6, p) [N], [N·m]."""
         return [columns * self.evidence.size for columns in self.candidate.columns]
 
+    def verdict(self, run: str, *, axis: str, text: str, changes: tuple[float, ...]) -> ResidualCause:
+        """Return the cause as a finding on a run, in these words, with what it would add to the ten parameters."""
+        error = self.candidate.finding
+        return ResidualCause(
+            cause=error.label, axis=axis, share=self.evidence.share, text=text, run=run, changes=changes,
+            docs=error.words.docs,
+        )  # fmt: skip
+
     def sentence(self, quantity: str) -> str:
         """Return what the residuals follow, and the cure.
 
         Args:
             quantity: words for what was measured: force and moment, or the moment alone.
         """
-        finding = self.candidate.finding
+        words = self.candidate.finding.words
         also = f"; as probable: {', '.join(self.rivals)}" if self.rivals else ""
         verb = "looks" if quantity == "the moment" else "look"
-        return f"{quantity} {verb} {finding.phrase(self.evidence.values, self.evidence.spread)}{also}; {finding.cure}"
+        return f"{quantity} {verb} {words.phrase(self.evidence.values, self.evidence.spread)}{also}; {words.cure}"
 
 
 class Judgement(NamedTuple):
@@ -443,7 +219,7 @@ def _as_probable(cause: FollowedCause, best: FollowedCause) -> bool:
     return by_prior_alone or abs(first.logarithm - rival.logarithm) < LIKELY
 
 
-def followed(fits: Sequence[RunFit], excluded: frozenset[Cause], base: Base) -> Judgement:
+def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base) -> Judgement:
     """Return the causes that the residuals of all runs follow, and how much more than noise they leave in each.
 
     Args:

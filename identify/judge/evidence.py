@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.judge.findings import Cause
+from identify.errors.error_model import ErrorModel
 from identify.signals.filters import moving_average
 from identify.sums.residual_spectrum import leverage
 from identify.sums.row_products import inverse, products, solution
@@ -193,7 +193,7 @@ class Base:
 class Evidence(NamedTuple):
     """Evidence of the residuals for a cause."""
 
-    finding: Cause
+    finding: ErrorModel
     size: Float[np.ndarray, " p"]
     """Typical size of each coefficient, in SI."""
     coefficients: Float[np.ndarray, " p"]
@@ -240,7 +240,7 @@ class Evidence(NamedTuple):
 
 
 def evidence(
-    base: Base, finding: Cause, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
+    base: Base, finding: ErrorModel, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
 ) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 

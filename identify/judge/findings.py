@@ -4,29 +4,18 @@ The members of :class:`Finding` are the messages, for terminal, ``result.json`` 
 docs/explanation/troubles.md alike. Members of one label are variants of one finding.
 """
 
-from collections.abc import Callable
 from enum import Enum
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Float
-
+from identify.errors.error_model import PAGE
 from identify.results.declaration import ResidualCause
-from identify.rounding import significant, with_uncertainty
+from identify.rounding import significant
 
 MATTERS = 0.5
 """Shift of a component over its standard uncertainty from which a finding is worth a warning.
 
 Price: a standard uncertainty 12 % larger, ``hypot(1, 0.5)``.
 """
-ROUNDING = 1e-9
-"""Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero.
-
-Numerical: rounding of doubles in the solution.
-"""
-ESTIMATED = ", or let method joint estimate it"
-Size = Callable[[Float[np.ndarray, " p"], Float[np.ndarray, " p"]], str]
-"""Function that writes the coefficients of a cause, in SI, with their standard uncertainties."""
 
 
 def signed(value: float) -> str:
@@ -34,44 +23,6 @@ def signed(value: float) -> str:
     return significant(value, 2, signed=True)
 
 
-def _all(scale: float, unit: str) -> Size:
-    def write(values: np.ndarray, spread: np.ndarray) -> str:
-        seen = spread > ROUNDING * spread.max()  # the others change nothing of what is compared
-        pairs = zip(scale * values[seen], abs(scale) * spread[seen], strict=True)
-        numbers = ", ".join(with_uncertainty(value, u) for value, u in pairs)
-        return f"{numbers} {unit}" if len(values) == 1 else f"({numbers}) {unit}"
-
-    return write
-
-
-def _largest(scale: float, unit: str) -> Size:
-    return lambda values, spread: f"{significant(scale * float(np.abs(values).max()), 2)} {unit}"
-
-
-def _first(scale: float, unit: str) -> Size:
-    return lambda values, spread: _all(scale, unit)(values[:1], spread[:1])
-
-
-def _stiffness(values: np.ndarray, spread: np.ndarray) -> str:
-    softest = float(values.max())
-    if softest <= 0:
-        return "the body or the load cell were bent by the load"
-    return f"the body vibrated on its mounting, at about {significant(1 / (2 * np.pi * np.sqrt(softest)), 2)} Hz"
-
-
-def _pull(values: np.ndarray, spread: np.ndarray) -> str:
-    parts = ((values[:-9], "N/rad"), (values[-9:], "N·m/rad"))  # of a free body there is no force to compare
-    return " and ".join(_largest(1.0, unit)(part, part) for part, unit in parts if part.size)
-
-
-def _lateness(values: np.ndarray, spread: np.ndarray) -> str:
-    if (values < 0).all():
-        return f"the IMU lagged force and moment by {_all(-1e3, 'ms')(values, spread)}"
-    return f"force and moment lagged by {_all(1e3, 'ms')(values, spread)}"
-
-
-PAGE = "docs/explanation/troubles.md"
-"""Page of the documentation with a row for each finding."""
 CHANNELS = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
 
 
@@ -87,9 +38,9 @@ class Contradiction(NamedTuple):
 class _Words:
     """Label, pattern of the text and cure of what the judge may name."""
 
-    def __init__(self, label: str, pattern: str, cure: str, write_size: Size | None = None) -> None:
+    def __init__(self, label: str, pattern: str, cure: str) -> None:
         """Name the parts of the member's value."""
-        self.label, self.pattern, self.cure, self.write_size = label, pattern, cure, write_size
+        self.label, self.pattern, self.cure = label, pattern, cure
 
     @property
     def docs(self) -> str:
@@ -103,81 +54,6 @@ class _Words:
         return ResidualCause(
             cause=self.label, axis=axis, share=share, text=text, run=run, changes=changes, docs=self.docs
         )
-
-
-class Cause(_Words, Enum):
-    """An error that runs may follow: its label, pattern of its text, cure, and the function that writes its size."""
-
-    DELAY = "delay", "the angular velocity lagged by {}", "declare the delay" + ESTIMATED, _all(1e3, "ms")
-    ROTATION = (
-        "rotation", "the IMU were rotated against the load cell by {}",
-        "correct imu_rotation_to_body", _all(180 / np.pi, "deg")
-    )  # fmt: skip
-    CENTRE = "centre of gravity", "r_CG were off by {}", "correct r_cg_from_q, or record static poses", _all(-1e3, "mm")
-    MASS = "mass", "the mass were off by {}", "weigh the body", _all(-1.0, "kg")
-    WEIGHT_ALONE = (
-        "weight", "the weight alone, not the inertia, were off by {}",
-        "air or a cable that lifts it, or the accelerometer's scale? methods source and gls take the force as it is",
-        _all(-1.0, "N")
-    )  # fmt: skip
-    STILL_MISSED = (
-        "still missed", "the centre of gravity were off the point at rest by {}",
-        "declare r_cg_from_omb with its uncertainty", _all(1e3, "mm")
-    )  # fmt: skip
-    GYRO_SCALE = (
-        "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, declare a scale, or check its unit",
-        _all(-100.0, "%")
-    )  # fmt: skip
-    GYRO_BIAS = (
-        "gyro bias", "the gyro's zero drifted by {}", "let it warm up, or declare a drift", _largest(1e3, "mrad/s²")
-    )  # fmt: skip
-    GYRO_AXES = (
-        "gyro axes", "the gyro were rotated against the accelerometer by {}", "calibrate it, or declare a misalignment",
-        _all(180 / np.pi, "deg")
-    )  # fmt: skip
-    GYRO_LATE = (
-        "delay", "the gyro's axes lagged by {}", "give its axes the same filter, or declare the delay",
-        _all(1e3, "ms")
-    )  # fmt: skip
-    GYRO_G = (
-        "gyro g-sensitivity", "the gyro responded to acceleration, {}", "use the gyro's calibration",
-        _largest(1e3, "mrad/s per m/s²")
-    )  # fmt: skip
-    GAIN = "gain", "the load cell's gains were wrong by {}", "calibrate it, or declare a scale", _all(100.0, "%")
-    CROSS_TALK = (
-        "cross-talk", "components of the load cell leaked into each other",
-        "use its calibration matrix, or declare the cross_talk"
-    )  # fmt: skip
-    DRIFT = "drift", "the load cell's zeros drifted", "let it warm up, or declare a drift"
-    WARMING = (
-        "drift", "the load cell's zeros drifted as it warmed up",
-        "let it warm up, declare a drift, or leave out the start of the run by --from"
-    )  # fmt: skip
-    JUMP = "jump", "the load cell's zeros jumped", "record again"
-    SLIP = "slip", "the body slipped by {}", "clamp it, and record again", _largest(1e3, "mm")
-    GAIN_DRIFT = "gain drift", "the load cell's gains changed by {} over the run", "let it warm up", _all(100.0, "%")
-    CABLE = "cable", "a cable pulled with up to {}", "lay it loosely, or carry it along", _pull
-    AIR = "air", "air or friction held the body back", "turn more slowly"
-    FLEXIBLE_MOUNTING = "flexible mounting", "{}", "stiffen it, or move more slowly", _stiffness
-    TENSOR = "tensor", "the tensor changed during the run: something moves", "fix what moves"
-    ACCELEROMETER_PLACE = (
-        "accelerometer place", "the accelerometer were displaced by {}", "correct imu_position", _all(1e3, "mm")
-    )  # fmt: skip
-    ACCELEROMETER_SCALE = (
-        "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", _all(-100.0, "%")
-    )  # fmt: skip
-    ACCELEROMETER_LATE = (
-        "accelerometer delay", "the accelerometer lagged behind the gyro by {}",
-        "set accelerometer_delay in [recording], or give both the same filter", _all(1e3, "ms")
-    )  # fmt: skip
-    CLOCK = "clock", "the IMU's clock drifted by {} over the run", "check the stamps", _first(1e3, "ms")
-    FILTER = "filter", "{}", "give both sensors the same filter, or declare the delay" + ESTIMATED, _lateness
-    NONLINEARITY = "nonlinearity", "the load cell were not linear", "use its calibration, or load it less"
-
-    def phrase(self, values: Float[np.ndarray, " p"], spread: Float[np.ndarray, " p"]) -> str:
-        """Return what a run looks like by a cause's coefficients, in SI, with their standard uncertainties."""
-        written = "" if self.write_size is None else self.write_size(values, spread)
-        return f"as if {self.pattern.format(written)} ({self.label})"
 
 
 class Finding(_Words, Enum):

@@ -11,13 +11,20 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.errors.error_model import ErrorModel
+from identify.errors.imu.accelerometer_delay import ACCELEROMETER_DELAY
+from identify.errors.imu.gyro_axes import GYRO_AXES
+from identify.errors.registry import ERRORS
+from identify.errors.rig.weight import WEIGHT
+from identify.errors.written_sizes import ROUNDING
 from identify.estimators.covariance_matrices import root_of
+from identify.joint.error_columns import ErrorColumns
 from identify.joint.joint_pooling import shared_unknowns
 from identify.judge import held_errors
-from identify.judge.causes import IN_FLIGHT, OF_A_ZERO, UNKNOWNS, FollowedCause, Judgement, followed, gyro_axes
+from identify.judge.causes import FollowedCause, Judgement, followed
 from identify.judge.evidence import Base
-from identify.judge.findings import MATTERS, ROUNDING, Cause, Finding, signed
-from identify.judge.held_errors import GYRO, by_held_errors
+from identify.judge.findings import MATTERS, Finding, signed
+from identify.judge.held_errors import by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
 from identify.judge.resonance import lines_of, resonance, saturated
 from identify.judge.rivals import JudgedWay, effect, rivals_text
@@ -64,11 +71,10 @@ Choice: what fits a line; ``result.json`` has all.
 """
 PLACES = ("r_cg", "cg_from_still")
 """Unknowns that tell where the centre of gravity is."""
-ACCELEROMETER_CAUSES = frozenset({Cause.ACCELEROMETER_PLACE, Cause.ACCELEROMETER_SCALE, Cause.ACCELEROMETER_LATE})
 
 
 class Judged(NamedTuple):
-    """What force and moment of the runs say against a result."""
+    """Findings of the runs' force and moment against a result, and the errors that they show."""
 
     rows: tuple[Row, ...] = ()
     """Errors that the runs show, and declared turns of the gyro that the joint model lacks."""
@@ -118,7 +124,9 @@ def judged(result: Identification, problem: Problem) -> Judged:
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
     # least squares count declared turns of the gyro by their source, the joint model has them as the whole IMU's
-    turns = gyro_turns(held[GYRO], _declared_turns(problem)) if result.method == "joint" and held is not None else []
+    turns = (
+        gyro_turns(held["rotation"], _declared_turns(problem)) if result.method == "joint" and held is not None else []
+    )
     changes = np.hstack([np.zeros((6, 0)), *(contribution.changes for contribution in contributions)])
     misfit = tensor_row(MISFIT, changes * result.determined[:, None], tier="contradicted")
     return Judged(
@@ -165,9 +173,9 @@ class JudgedRuns:
     """Fit of each run, by the first way to have its specific force."""
     last: JudgedWay
     """The last way."""
-    named: Mapping[Cause, Sequence[FollowedCause]]
+    named: Mapping[ErrorModel, Sequence[FollowedCause]]
     """Causes by finding, where each shows most first."""
-    ways: Mapping[Cause, JudgedWay]
+    ways: Mapping[ErrorModel, JudgedWay]
     """Last way whose judgement names each cause."""
     judgement: Judgement
     """Judgement by the way that leaves the least unexplained."""
@@ -184,14 +192,14 @@ class JudgedRuns:
         return np.where(np.isfinite(u), u, 0.0)
 
     @cached_property
-    def exact(self) -> dict[Cause, str]:
+    def exact(self) -> dict[ErrorModel, str]:
         """Quantities that count as exact, by the finding that blames them."""
         return held_errors.exact_quantities(self.problem)
 
     @property
     def errors_of_force(self) -> list[FollowedCause]:
         """Errors of exact quantities, or of the weight, that have no rival."""
-        blamed = {*self.exact, Cause.WEIGHT_ALONE}
+        blamed = {*self.exact, WEIGHT}
         return [causes[0] for finding, causes in self.named.items() if finding in blamed and not causes[0].rivals]
 
     def contributions(self) -> list[Contribution]:
@@ -221,7 +229,7 @@ class JudgedRuns:
         ratio = np.abs(changes) / self.u.clip(1e-300)
         return int(np.argmax(ratio)), float(ratio.max())
 
-    def _of_cause(self, finding: Cause, causes: Sequence[FollowedCause]) -> list[Contribution]:
+    def _of_cause(self, finding: ErrorModel, causes: Sequence[FollowedCause]) -> list[Contribution]:
         """A cause in all its runs; none where it neither moves the tensor nor explains much."""
         pairs = [(self.effects(cause), cause.evidence) for cause in causes]
         changes = np.sum([by @ evidence.coefficients for by, evidence in pairs], axis=0)
@@ -237,10 +245,9 @@ class JudgedRuns:
         moves = f"; {effect(changes[4:], self.u)}" if moved > ROUNDING or others else ""
         sentence = causes[0].sentence(self.fits[0].prediction.quantity)
         departs = bool(self.result.declarations)  # of which a delay of the accelerometer is the cause, and then no note
-        verdict = finding.verdict(
+        verdict = causes[0].verdict(
             ", ".join(where), axis=f"b{1 + int(np.argmax((leading.explained**2).sum(axis=0)[-3:]))}",
-            share=leading.share,
-            changes=() if departs and finding is Cause.ACCELEROMETER_LATE else tuple(changes.tolist()),
+            changes=() if departs and finding is ACCELEROMETER_DELAY else tuple(changes.tolist()),
             text=f"{named_runs(where, self.count)}: {sentence}{moves}{others}",
         )  # fmt: skip
         uncertain = [by[4:] @ root_of(evidence.covariance) for by, evidence in pairs]
@@ -324,17 +331,19 @@ def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> B
     base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU
-    turns = [fit.transformed(gyro_axes(fit.prediction) @ axes) for fit in fits]
+    turns = [fit.transformed(ErrorColumns(fit.prediction).of(GYRO_AXES) @ axes) for fit in fits]
     return base.absorbing(turns) if axes.size else base
 
 
-def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[Cause]:
+def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[ErrorModel]:
     """Causes that the experiment excludes, or of which nothing is declared, so that they are no news."""
     free = _undeclared(problem, result)
-    excluded = {finding for finding, unknown in UNKNOWNS.items() if unknown in free}
-    if all(falls(run, result, problem) for run in runs):
-        excluded |= IN_FLIGHT
-    return frozenset(excluded | (OF_A_ZERO if problem.offsets == "none" else set()))
+    missing = {"mounting"} if all(falls(run, result, problem) for run in runs) else set()
+    if problem.offsets == "none":
+        missing.add("zero")
+    return frozenset(
+        error for error in ERRORS.values() if error.needs & missing or (error.by_hand and free & set(error.unknowns))
+    )
 
 
 def named_runs(names: Sequence[str], count: int) -> str:
@@ -382,13 +391,13 @@ def unexplained_once(contributions: Sequence[Contribution]) -> list[Contribution
     return [Contribution(unexplained[0].finding, np.hstack([part.changes for part in unexplained])), *others]
 
 
-def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[Cause, list[FollowedCause]]:
+def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[ErrorModel, list[FollowedCause]]:
     """Causes of the first judgement that names any which can err in the result; the run where each shows most first."""
-    others = ACCELEROMETER_CAUSES if result.method != "joint" else ()
-    if any(cause.candidate.finding is Cause.WEIGHT_ALONE for cause in judgements[-1].causes):
+    others = {error for error in ERRORS.values() if error.part == "accelerometer" and result.method != "joint"}
+    if any(cause.candidate.finding is WEIGHT for cause in judgements[-1].causes):
         judgements = judgements[-1:]  # the accelerometer tells it from the mass, a point at rest does not
     for judgement in judgements:
-        named: dict[Cause, list[FollowedCause]] = {}
+        named: dict[ErrorModel, list[FollowedCause]] = {}
         for cause in judgement.causes:
             if cause.candidate.finding not in others:
                 named.setdefault(cause.candidate.finding, []).append(cause)

@@ -9,9 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.errors.body.mass import MASS
+from identify.errors.error_model import ErrorModel
+from identify.errors.imu.rotation import ROTATION
+from identify.errors.load_cell.gain import GAIN
+from identify.errors.load_cell.load_cell_axes import LOAD_CELL_AXES
+from identify.errors.written_sizes import ROUNDING
+from identify.joint.error_columns import ErrorColumns
 from identify.joint.predicted_wrench import PredictedWrench
 from identify.judge.evidence import Base, Evidence
-from identify.judge.findings import ROUNDING, Cause, signed
+from identify.judge.findings import signed
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
@@ -49,7 +56,7 @@ def rivals(evidence: Evidence, run: PredictedWrench) -> list[Rival]:
 
 def _of_rotation(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """The load cell turned against the body, in place of the IMU."""
-    turned = np.hstack([np.cross(turn, run.wrench[:, :3]), np.cross(turn, run.wrench[:, 3:])])
+    turned = ErrorColumns(run).of(LOAD_CELL_AXES) @ -turn
     return [Rival("a rotation of the load cell", "correct wrench_rotation_to_body", turned)]
 
 
@@ -57,7 +64,8 @@ def _of_mass(missing: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """Gain, a part beside the body, gravity and air, of the same weight as a mass that is missing in the declared."""
     kg, share = float(missing[0]), float(missing[0] / run.x["mass"][0])
     gain = f"gains of the load cell of {signed(100 * share)} %"
-    others = [Rival(gain, "calibrate it, or declare a scale of F and M", share * run.wrench)]
+    added = ErrorColumns(run).of(GAIN) @ np.full(GAIN.count, share)
+    others = [Rival(gain, "calibrate it, or declare a scale of F and M", added)]
     if kg > 0:
         others.append(_beside(kg, run))
     if run.force_from == "still" and abs(share) < OTHER_WEIGHT:
@@ -81,9 +89,9 @@ def _beside(kg: float, run: PredictedWrench) -> Rival:
     )  # fmt: skip
 
 
-MADE: dict[Cause, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
-    Cause.ROTATION: _of_rotation,
-    Cause.MASS: _of_mass,
+MADE: dict[ErrorModel, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
+    ROTATION: _of_rotation,
+    MASS: _of_mass,
 }
 """Functions that make the rivals of a cause, by its coefficients in SI."""
 

@@ -26,7 +26,7 @@ from identify.rigid_body.principal_axes import principal_axes
 from identify.rigid_body.rotation import exponential
 from identify.signals.estimator_spec import EstimatorSpec
 
-RESIDUALS, CG, FIXTURE, MISFIT = "residuals", "r_cg", "fixture taken off", "model misfit"
+RESIDUALS, CG, MISFIT = "residuals", "r_cg", "model misfit"
 """Names of errors in a budget, beside those of declared sources."""
 ESTIMATE = "estimate"
 """All that an estimator states by itself, where it does not tell its parts apart."""

@@ -5,7 +5,7 @@ Linear rows hold the changes by one standard uncertainty of independent numbers,
 (JCGM 101), which add trial by trial.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -39,6 +39,8 @@ two digits hardly show."""
 SEED = 0
 """Seed of the draws of declared errors, and of the order of the quantiles that join them."""
 
+FIXTURE = "fixture taken off"
+"""Name of what a fixture that is taken off adds."""
 Tier = Literal["measured", "declared", "contradicted", "typical"]
 """Origin of a figure: what the runs show (type A); what is declared; what the runs contradict; typical sizes of errors
 that are neither declared nor estimated, which the intervals leave out and the conventional bound holds."""
@@ -59,7 +61,7 @@ class Row:
     evaluation: Literal["A", "B", "A, B"] = "B"
     """Type of evaluation: A by statistics of the runs, B by other means (GUM 4.2, 4.3)."""
     degrees_of_freedom: Float[np.ndarray, "10"] | float | int = np.inf
-    """Of the standard uncertainties of the ten."""
+    """Degrees of freedom of the standard uncertainties of the ten."""
     key: str = ""
     """Name by which other results know the same error, column by column; '': none shares it."""
     drawn: bool = False
@@ -69,7 +71,7 @@ class Row:
     text: str = ""
     """Description of an undeclared error in words."""
     figure: str = ""
-    """Its typical size, with its unit."""
+    """Typical size of an undeclared error, with its unit."""
     signed: bool = False
     """Whether the change is a bias of known sign, which counts as a standard uncertainty."""
 
@@ -340,3 +342,29 @@ class Ledger(Shown):
             }
             for row in self.rows
         ]
+
+
+def taken_off(
+    whole: Sequence[Row], fixture: Sequence[Row], by_whole: Float[np.ndarray, "10 10"], by_fixture: np.ndarray
+) -> tuple[Row, ...]:
+    """Return the rows of a body that is left when its fixture is taken off.
+
+    Args:
+        whole: rows of both together.
+        fixture: rows of the fixture.
+        by_whole: derivative of the body's ten parameters by those of both together.
+        by_fixture: the same by those of the fixture, (10, 10).
+    """
+    keyed = {(row.key, row.changes.shape): row for row in fixture if row.key}
+    rows = []
+    for row in whole:
+        left, same = row.changed(by_whole), keyed.pop((row.key, row.changes.shape), None)
+        rows.append(left if same is None else replace(left, changes=left.changes + same.changed(by_fixture).changes))
+    for row in fixture:
+        if row.key and (row.key, row.changes.shape) not in keyed:
+            continue
+        left = row.changed(by_fixture)
+        if left.drawn:  # of trials of its own
+            left = replace(left, changes=root_of(left.changes @ left.changes.T), drawn=False)
+        rows.append(left if row.tier == "typical" else replace(left, error=FIXTURE, evaluation="A, B", key=""))
+    return tuple(rows)

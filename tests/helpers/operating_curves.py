@@ -26,7 +26,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.judge.findings import Cause, Finding
+from identify.errors.error_model import CauseWords
+from identify.errors.registry import ERRORS
+from identify.judge.findings import Finding
 from identify.rounding import significant
 from tests.helpers.laboratory import FINE, Measured, measure
 from tests.helpers.laboratory_mechanics import base_angles, base_motion
@@ -283,7 +285,7 @@ def page_with_findings() -> str:
     head, rest = page.split(BEGIN)
     with FIGURES.open(encoding="utf-8", newline="") as file:
         figures = {row["finding"]: row for row in csv.DictReader(file)}
-    labels = dict.fromkeys(finding.label for finding in (*Cause, *Finding))
+    labels = dict.fromkeys(words.label for words in messages())
     rows = [_row(label, figures.get(label)) for label in labels]
     titles = (
         "| finding | what it looks like | cure | false alarms | error, sizes | named, % |\n|---|---|---|---|---|---|\n"
@@ -291,9 +293,14 @@ def page_with_findings() -> str:
     return head + BEGIN + titles + "".join(rows) + END + rest.split(END)[1]
 
 
+def messages() -> list[CauseWords | Finding]:
+    """Return the words of all that the judge may name."""
+    return [*(error.words for error in ERRORS.values() if error.label), *Finding]
+
+
 def _row(label: str, figures: dict[str, str] | None) -> str:
     """A line of the table, with the anchor to which messages lead."""
-    variants = [finding for finding in (*Cause, *Finding) if finding.label == label]
+    variants = [words for words in messages() if words.label == label]
     looks, cures = ("; or ".join(dict.fromkeys(map(words, variants))) for words in (_looks, _cure))
     cells = ["–", "–", "–"]
     if figures:
@@ -303,14 +310,14 @@ def _row(label: str, figures: dict[str, str] | None) -> str:
     return f'| <a id="{anchor}"></a>`{label}` | {" | ".join([looks, cures or "–", *cells])} |\n'
 
 
-def _looks(finding: Cause | Finding) -> str:
+def _looks(finding: CauseWords | Finding) -> str:
     if finding.pattern == "{}":
         text = finding.write_size(np.full(2, 3e-5), np.full(2, 1e-6))
         return re.sub(r"\(?\d[^a-zA-Z]*", "… ", text)
     return re.sub(r"\{[^}]*\}", "…", finding.pattern)
 
 
-def _cure(finding: Cause | Finding) -> str:
+def _cure(finding: CauseWords | Finding) -> str:
     return re.sub(r"\{[^}]*\}", "…", finding.cure) if finding.cure != "{lines}" else "the line that the message has"
 
 

@@ -3,42 +3,20 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
-from identify.rigid_body.fixture import check, left_over
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rigid_body.principal_axes import propagated
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.static.centre import centre
 from identify.static.pose_fit import Attitudes
+from tests.helpers.point_masses import subtract
 from uq.campaign.simulation import simulate
 from uq.identification.tare import tared
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)
 GRAVITY = 9.80665
 POSES, TILT = 12, np.radians(25.0)
-
-
-def subtract(
-    whole: InertialParameters, fixture: InertialParameters, cross: Float[np.ndarray, "10 10"] | None = None
-) -> InertialParameters:
-    """Return the body that is left when a part is taken off, with its covariance (JCGM 102, 6.2.1.3).
-
-    Args:
-        whole: body and fixture together.
-        fixture: the fixture, with the load cell's own moving plate.
-        cross: covariance of the whole's ten parameters (rows) with the part's (columns); None: nothing in common.
-
-    Raises:
-        RunError: a mass is not known, or the part is not lighter than the whole.
-    """
-    check(whole, fixture)
-    between = np.zeros((10, 10)) if cross is None else cross
-    spread = np.block([[whole.covariance, between], [between.T, fixture.covariance]])
-    values, covariance = propagated(left_over, np.concatenate([whole.values, fixture.values]), spread)
-    return InertialParameters(float(values[0]), values[1:4], values[4:], covariance)
 
 
 ALIGNMENT = 2e-3

@@ -1,48 +1,23 @@
 """Errors that an experiment does not declare, at the typical sizes of ``[undeclared]``, as sources."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
+from identify.errors.error_model import ErrorModel
+from identify.errors.registry import ERRORS
 from uq.experiment.experiment import Experiment
 from uq.sources.draws import Mixing
-from uq.sources.source import Source, kind_of
+from uq.sources.source import Draw, Source, kind_of
 
 
-class Kind(NamedTuple):
-    """An error as it is said, and as the source that it would be declared as."""
-
-    text: str
-    unit: str
-    per_si: float
-    """Factor from SI to the unit."""
-    target: str = ""
-    kind: str = ""
-    common: bool = False
-    """Whether one number errs on all axes."""
-
-
-KINDS: Mapping[str, Kind] = {
-    "force_gain": Kind("common gain of the force", "%", 100, "F", "scale", common=True),
-    "force_gain_by_axis": Kind("gain of each force", "%", 100, "F", "scale"),
-    "moment_gain": Kind("common gain of the moment", "%", 100, "M", "scale", common=True),
-    "moment_gain_by_axis": Kind("gain of each moment", "%", 100, "M", "scale"),
-    "cross_talk": Kind("cross-talk of the load cell", "%", 100, "wrench", "cross_talk"),
-    "load_cell_axes": Kind("misalignment of the load cell", "mrad", 1e3, "wrench", "misalignment"),
-    "gyro_scale": Kind("scale of the gyro", "%", 100, "omega", "scale"),
-    "gyro_axes": Kind("misalignment of the gyro", "mrad", 1e3, "omega", "misalignment"),
-    "delay": Kind("delay of the gyro", "ms", 1e3, "omega", "delay"),
-    "mass": Kind("error of the mass", "%", 100),
-    "centre_of_gravity": Kind("error of r_CG", "mm", 1e3, "r_cg", "bias"),
-    "gravity": Kind("error of gravity", "m/s²", 1, "gravity", "bias"),
-    "mounting_frequency": Kind("flexibility of the mounting", "Hz", 1),
-    "accelerometer_scale": Kind("scale of the accelerometer", "%", 100),
-    "accelerometer_place": Kind("place of the accelerometer", "mm", 1e3),
-}
-"""Description of each error by its key in ``[undeclared]``."""
+def figures_of(experiment: Experiment) -> Iterator[tuple[ErrorModel, float]]:
+    """Yield the errors that there may be, each with its typical figure, in the table's order."""
+    for name, figure in experiment.undeclared.to_dict().items():
+        if figure is not None:
+            yield ERRORS[name], figure
 
 
 def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Experiment:
@@ -54,20 +29,25 @@ def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Expe
     """
     declared = {(source.perturbs, source.signal) for source in experiment.sources}
     sources, mixing = [], []
-    for name, error in KINDS.items():
-        figure = getattr(experiment.undeclared, name)
-        if figure is None or not error.kind:
+    for error, figure in figures_of(experiment):
+        if error.declared_as is None:
             continue
-        kind = kind_of(error.target, error.kind)
-        is_fraction = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
+        target, name = error.declared_as
+        kind = kind_of(target, name)
+        is_fraction = len(kind.wholes(target, None)) < math.prod(kind.shape)
         if is_fraction and not all(largest):
             continue
         stated = np.array(figure) if is_fraction else np.full(kind.shape, figure)
         sigma = kind.placed(stated, np.repeat(largest, 3))
-        source = Source(name=name, target=error.target, kind=error.kind, group="undeclared", sigma=sigma)
+        source = Source(name=error.name, target=target, kind=name, group="undeclared", sigma=sigma)
         if (source.perturbs, source.signal) in declared:
             continue
         sources.append(source)
-        if error.common:
-            mixing.append(Mixing(names=(name,), axes=(3,), correlation=np.ones((3, 3))))
+        if is_common(error, sigma):
+            mixing.append(Mixing(names=(error.name,), axes=(3,), correlation=np.ones((3, 3))))
     return replace(experiment, sources=tuple(sources), mixing=tuple(mixing), document={})
+
+
+def is_common(error: ErrorModel, sigma: Draw) -> bool:
+    """Return whether one number errs on all axes of a source."""
+    return error.count == 1 < np.size(sigma)

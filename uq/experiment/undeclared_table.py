@@ -4,7 +4,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from identify.judge.typical_sizes import TYPICAL
+from identify.errors.error_model import TypicalSize
+from identify.errors.registry import ERRORS
 from rig.toml_tables import TomlTable, read_value, written
 from uq.files.schema import in_unit, quantity_schema
 from uq.sources.source import part_of
@@ -23,44 +24,24 @@ def typical(unit: str) -> msgspec.Meta:
     return written(read, {"anyOf": [quantity_schema(unit), {"const": False}]})
 
 
-class UndeclaredTable(TomlTable, frozen=True, kw_only=True):
+def _key(name: str, size: TypicalSize) -> tuple[str, Any, float]:
+    described = msgspec.Meta(description=size.about)
+    return name, Annotated[float | None, typical(size.key_unit), described], size.figure
+
+
+# a key for each error that has a typical size
+_Figures: Any = msgspec.defstruct(
+    "_Figures",
+    [_key(error.name, error.typical) for error in ERRORS.values() if error.typical],
+    bases=(TomlTable,), frozen=True, kw_only=True,
+)  # fmt: skip
+
+
+class UndeclaredTable(_Figures, frozen=True, kw_only=True):  # type: ignore[call-arg]
     """``[undeclared]``: typical standard uncertainties of errors that are not declared; false: there is none.
 
     The conventional bound of a result holds them. docs/how-to/identify.md gives the figures and where they are from.
     """
-
-    force_gain: Annotated[float | None, typical("%")] = TYPICAL["force_gain"]
-    """Gain error common to the three channels of the force."""
-    force_gain_by_axis: Annotated[float | None, typical("%")] = TYPICAL["force_gain_by_axis"]
-    """Gain error of each channel of the force beside the common one."""
-    moment_gain: Annotated[float | None, typical("%")] = TYPICAL["moment_gain"]
-    """Gain error common to the three channels of the moment."""
-    moment_gain_by_axis: Annotated[float | None, typical("%")] = TYPICAL["moment_gain_by_axis"]
-    """Gain error of each channel of the moment beside the common one."""
-    cross_talk: Annotated[float | None, typical("%")] = TYPICAL["cross_talk"]
-    """Cross-talk to each channel from every other component, in parts of the largest recorded force and moment."""
-    load_cell_axes: Annotated[float | None, typical("rad")] = TYPICAL["load_cell_axes"]
-    """Misalignment of the load cell with the body, about each axis."""
-    gyro_scale: Annotated[float | None, typical("%")] = TYPICAL["gyro_scale"]
-    """Scale error of each axis of the gyro."""
-    gyro_axes: Annotated[float | None, typical("rad")] = TYPICAL["gyro_axes"]
-    """Misalignment of the gyro with the body, about each axis."""
-    delay: Annotated[float | None, typical("s")] = TYPICAL["delay"]
-    """Delay of the gyro against the load cell."""
-    mounting_frequency: Annotated[float | None, typical("Hz")] = TYPICAL["mounting_frequency"]
-    """Frequency of the body's vibration on its mounting about each axis; load cell and IMU stay on the platform's
-    side."""
-    mass: Annotated[float | None, typical("%")] = TYPICAL["mass"]
-    """Error of the mass, where it counts as exact."""
-    centre_of_gravity: Annotated[float | None, typical("m")] = TYPICAL["centre_of_gravity"]
-    """Error of the centre of gravity on each axis, where the estimate takes it as exact."""
-    gravity: Annotated[float | None, typical("m/s^2")] = TYPICAL["gravity"]
-    """Local gravity less the stated one."""
-    accelerometer_scale: Annotated[float | None, typical("%")] = TYPICAL["accelerometer_scale"]
-    """Scale error of each axis of the accelerometer, where the estimate takes the specific force from it."""
-    accelerometer_place: Annotated[float | None, typical("m")] = TYPICAL["accelerometer_place"]
-    """Error of the accelerometer's place (imu_position) on each axis, where the estimate takes the specific force from
-    it."""
 
 
 NONE = UndeclaredTable(**dict.fromkeys(UndeclaredTable.__struct_fields__))

@@ -75,7 +75,11 @@ def _meanings(table: type) -> dict[str, str]:
 def _described(value: dict[str, Any], meaning: str) -> dict[str, Any]:
     """A key's schema with its meaning, how its unit is written, and a default that stands in a file as it does here."""
     default = value.pop("default", None)
-    meaning = meaning or next((item["description"] for item in value.get("anyOf", ()) if "description" in item), "")
+    meaning = (
+        meaning
+        or value.get("description", "")
+        or next((item["description"] for item in value.get("anyOf", ()) if "description" in item), "")
+    )
     if isinstance(default, (str, bool, int)) and "written" not in value:
         value["default"] = default
     example = re.search(r"'examples': \['([^']+)'\]", str(value))

@@ -1,41 +1,53 @@
 """Declared constant errors as priors of an estimator that estimates them along with the tensor."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
+from functools import cache
 
 import numpy as np
 
+from identify.errors.body.centre_of_gravity import CENTRE_OF_GRAVITY
+from identify.errors.error_model import CELL_MATRIX, ErrorModel
+from identify.errors.load_cell.drift import DRIFT
+from identify.errors.registry import ERRORS
 from identify.estimators.covariance_matrices import root_of
 from identify.joint.priors import ConstantError
-from identify.rigid_body.regressor import cross_matrix
 from uq.experiment.experiment import Experiment
-from uq.sources.constant_errors import CELL_CHANNELS, effect
+from uq.sources.constant_errors import CELL_CHANNELS, effect, no_errors
 from uq.sources.draws import Mixing
-from uq.sources.source import Source
+from uq.sources.source import Source, kind_of
 
 
-def _misaligned(rotation: np.ndarray) -> np.ndarray:
-    """``D`` of a load cell that is turned by a small rotation vector against the body's axes."""
-    return -np.kron(np.eye(2), np.asarray(cross_matrix(rotation))).ravel()
+@cache
+def _declared_errors() -> dict[str, ErrorModel]:
+    """The error that each field of :class:`uq.sources.constant_errors.Errors` has the numbers of."""
+    fields, zero = {}, no_errors()._asdict()
+    for error in ERRORS.values():
+        if error.declared_as is not None:
+            target, name = error.declared_as
+            field = kind_of(target, name).perturbs[target]
+            if error.count == zero[field].size:
+                fields[field] = error
+    return fields
 
 
-UNKNOWN: Mapping[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
-    "gravity": ("gravity", np.atleast_1d),
-    "r_cg_from_omb": ("cg_from_still", np.asarray),
-    "gyro_scale": ("gyro_scale", np.asarray),
-    "gyro_delay": ("delay", np.atleast_1d),
-    "gyro_misalignment": ("rotation", np.asarray),
-    "gyro_drift": ("gyro_drift", np.asarray),
-    "cell_scale": ("cell_matrix", lambda scale: np.diag(scale).ravel()),
-    "cell_cross_talk": ("cell_matrix", np.ravel),
-    "cell_misalignment": ("cell_matrix", _misaligned),
-}
-"""Unknown of the joint model, and the function to its numbers, by field of
-:class:`uq.sources.constant_errors.Errors`."""
+def estimated_as(source: Source, duration: float) -> tuple[str, Callable[[np.ndarray], np.ndarray]] | None:
+    """Return the unknown of the joint model that a source changes, and the function from what it adds to the numbers.
 
+    None: the source changes none of them, or the centre of gravity, which is not declared as an error.
 
-def _drift(source: Source, duration: float) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:
-    first = CELL_CHANNELS[source.target]
-    return ("moment_drift" if first else "force_drift"), lambda slope: duration * slope[first : first + 3]
+    Args:
+        source: a constant error.
+        duration: of a run [s], which makes a change of a drift's slope.
+    """
+    error = _declared_errors().get(source.perturbs or "")
+    if error is None or error is CENTRE_OF_GRAVITY:
+        return None
+    if error is DRIFT:  # of force or of moment
+        first = CELL_CHANNELS[source.target]
+        return error.unknowns[first > 0], lambda slope: duration * slope[first : first + 3]
+    if error.unknowns == CELL_MATRIX:
+        return error.unknowns[0], lambda numbers: error.by_cell_matrix @ np.ravel(numbers)
+    return error.unknowns[0], np.atleast_1d
 
 
 def estimated_errors(
@@ -55,8 +67,8 @@ def estimated_errors(
     for source in experiment.sources:
         if not source.constant or source.perturbs is None:
             continue
-        if source.perturbs in UNKNOWN or source.perturbs == "cell_drift":
-            unknown, numbers = UNKNOWN.get(source.perturbs) or _drift(source, duration)
+        if (estimate := estimated_as(source, duration)) is not None:
+            unknown, numbers = estimate
             shape = np.shape(source.sigma)
             basis = np.eye(int(np.prod(shape))).reshape(-1, *shape)
             by_draw = np.stack([numbers(np.asarray(effect(source, unit))) for unit in basis], axis=1)
@@ -74,9 +86,7 @@ def drawn_unknowns(experiment: Experiment) -> frozenset[str]:
     names: dict[str, set[str]] = {}
     for source in experiment.sources:
         if source.constant and source.perturbs is not None:
-            unknown = (
-                _drift(source, 1.0)[0] if source.perturbs == "cell_drift" else UNKNOWN.get(source.perturbs, ("",))[0]
-            )
+            unknown, _ = estimated_as(source, 1.0) or ("", None)
             names.setdefault("r_cg" if source.perturbs == "r_cg" else unknown, set()).add(source.name)
     stated = {"delay": recording.sigma_delay, "rotation": recording.sigma_rotation}
     return frozenset(

@@ -5,14 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.choices import OffsetChoice
 from identify.estimators.covariance_matrices import root_of
 from identify.exceptions import RunError
 from identify.results.covariances import check_covariances
-from identify.results.identification_result import FIXTURE, Identification
-from identify.results.ledger import Ledger, Row, mass_row
+from identify.results.identification_result import Identification
+from identify.results.ledger import FIXTURE, Ledger, Row, mass_row, taken_off
 from identify.results.mass_and_centre import LEFT
 from identify.rigid_body.fixture import Tare, check, left_over
 from identify.rigid_body.inertial_parameters import InertialParameters
@@ -151,29 +150,3 @@ def tared(
     )
     check_covariances(left)
     return left
-
-
-def taken_off(
-    whole: Sequence[Row], fixture: Sequence[Row], by_whole: Float[np.ndarray, "10 10"], by_fixture: np.ndarray
-) -> tuple[Row, ...]:
-    """Return the rows of a body that is left when its fixture is taken off.
-
-    Args:
-        whole: rows of both together.
-        fixture: rows of the fixture.
-        by_whole: derivative of the body's ten parameters by those of both together.
-        by_fixture: the same by those of the fixture, (10, 10).
-    """
-    keyed = {(row.key, row.changes.shape): row for row in fixture if row.key}
-    rows = []
-    for row in whole:
-        left, same = row.changed(by_whole), keyed.pop((row.key, row.changes.shape), None)
-        rows.append(left if same is None else replace(left, changes=left.changes + same.changed(by_fixture).changes))
-    for row in fixture:
-        if row.key and (row.key, row.changes.shape) not in keyed:
-            continue
-        left = row.changed(by_fixture)
-        if left.drawn:  # of trials of its own
-            left = replace(left, changes=root_of(left.changes @ left.changes.T), drawn=False)
-        rows.append(left if row.tier == "typical" else replace(left, error=FIXTURE, evaluation="A, B", key=""))
-    return tuple(rows)

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.errors.registry import ERRORS
 from identify.exceptions import RunError
 from identify.joint.priors import STATIC, ConstantError
-from identify.judge.findings import Cause
-from identify.judge.held_errors import ACCELEROMETER_ERRORS, FLEXIBILITY
+from identify.judge.held_errors import BESIDE
 from identify.methods.base import estimator_of
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
@@ -23,7 +23,7 @@ from identify.rounding import exact
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from uq.experiment.experiment import Experiment
-from uq.experiment.typical_errors import KINDS, typical_errors
+from uq.experiment.typical_errors import figures_of, is_common, typical_errors
 from uq.identification.centre_errors import ON_POSES, wrench_error
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.systematic_errors import OF_MASS_AND_CENTRE, SystematicProblem, equations, problem_of
@@ -37,13 +37,7 @@ PRICE = 0.1
 
 Price: stated as such. What a result takes as exact is not widened: there the bound must hold the cause.
 """
-REPLACED_BY_CAUSE = {
-    finding.label: name
-    for finding, name in (
-        (Cause.GYRO_SCALE, "gyro_scale"), (Cause.GYRO_AXES, "gyro_axes"), (Cause.DELAY, "delay"),
-        (Cause.ACCELEROMETER_PLACE, "accelerometer_place"), (Cause.ACCELEROMETER_SCALE, "accelerometer_scale"),
-    )
-}  # fmt: skip
+REPLACED_BY_CAUSE = {error.label: error.name for error in ERRORS.values() if error.replaced_by_cause}
 """Errors whose value in the runs, with its uncertainty, takes the place of their typical size in the tensor.
 
 By the finding's label; that of late gyro axes is the delay's. Not gains, cross-talk and axes of the load cell: runs
@@ -86,13 +80,10 @@ def with_undeclared(
             changes |= _of_least_squares(result, runs, undeclared)
         except RunError:  # too short for a delay
             return result
+    for error, figure in figures_of(experiment):
+        if error in BESIDE and error.declared_as is None and error.name in by_held:
+            changes[error.name] = by_held[error.name] @ error.typical_numbers(figure)
     table = experiment.undeclared
-    if FLEXIBILITY in by_held and table.mounting_frequency is not None:
-        natural = 2 * np.pi * table.mounting_frequency
-        changes["mounting_frequency"] = by_held[FLEXIBILITY].sum(axis=1, keepdims=True) / natural**2
-    for name in ACCELEROMETER_ERRORS:
-        if name in by_held and (figure := getattr(table, name)) is not None:
-            changes[name] = figure * by_held[name]
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:
         changes["mass"] = _of_mass(table.mass * result.mass, by_held)
     if pose_rows:
@@ -149,13 +140,13 @@ def typical_rows(
         pose_rows: errors of static poses, whose figures count where the experiment says that there is no such error.
     """
     figures, rows = {row.error: row.figure for row in pose_rows}, []
-    for name, kind in KINDS.items():
-        if name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None]):
-            value = getattr(experiment.undeclared, name)
-            figure = figures[name] if value is None else f"{exact([kind.per_si * value])[0]} {kind.unit}"
+    for name, value in experiment.undeclared.to_dict().items():
+        size_of = ERRORS[name].typical
+        if size_of and name in changes and np.any(np.abs(changes[name]) > NEGLIGIBLE * size[:, None]):
+            figure = figures[name] if value is None else f"{exact([size_of.per_si * value])[0]} {size_of.unit}"
             rows.append(
-                Row(error=name, key=f"typical {name}", text=kind.text, figure=figure, changes=changes[name],
-                    tier="typical", signed=name == "mounting_frequency")
+                Row(error=name, key=f"typical {name}", text=size_of.text, figure=figure, changes=changes[name],
+                    tier="typical", signed=size_of.signed)
             )  # fmt: skip
     return Ledger(tuple(rows))
 
@@ -171,7 +162,7 @@ def numbers_of(name: str, error: ConstantError) -> Float[np.ndarray, "p k"]:
 
     In the order of the source's axes, so that effects of one error on poses and on runs can be added.
     """
-    return np.sqrt(np.diag(error.covariance))[:, None] if KINDS[name].common else error.axes
+    return np.sqrt(np.diag(error.covariance))[:, None] if ERRORS[name].count == 1 else error.axes
 
 
 def _by_centre(tensor_by_metre: np.ndarray) -> Float[np.ndarray, "10 10"]:
@@ -244,7 +235,7 @@ def tensor_changes(problem: SystematicProblem) -> dict[str, Float[np.ndarray, "6
     for source in problem.sources:
         count = np.size(source.sigma)
         # one number errs on all axes, or each by itself
-        steps = STEP * (np.ones((1, count)) if KINDS[source.name].common else np.eye(count))
+        steps = STEP * (np.ones((1, count)) if is_common(ERRORS[source.name], source.sigma) else np.eye(count))
         changes[source.name] = np.stack([tensor(source, step) - tensor(source, -step) for step in steps], 1) / (
             2 * STEP
         )

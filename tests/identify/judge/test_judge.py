@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identify.errors.load_cell.filter import FILTER
+from identify.errors.registry import ERRORS
 from identify.exceptions import RunError
 from identify.judge import judged_fits
-from identify.judge.findings import Cause, Finding
+from identify.judge.findings import Finding
 from identify.judge.resonance import saturated
 from identify.results.identification_result import MISFIT
 from tests.helpers.laboratory import measure
@@ -135,7 +137,7 @@ def test_stamps_that_jitter_are_the_reason_of_a_refusal():
 @pytest.mark.parametrize("method", ["source", "joint"])
 def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatch):
     """What no cause would name moves the two apart."""
-    monkeypatch.setattr("identify.judge.causes.SIGNALS", {})
+    monkeypatch.setattr("identify.judge.causes.ERRORS", {})
     monkeypatch.setattr("identify.judge.judged_result.UNEXPLAINED", np.inf)
     measured = measure(3, **TROUBLES["sloshing"].options(0.3, 3), **SHORT)
     result = identified(measured, method)
@@ -152,10 +154,12 @@ def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatc
     ],
 )
 def test_who_came_late_is_said_without_a_minus(late, words):
-    assert Cause.FILTER.phrase(np.full(2, late), np.full(2, 1e-4)) == words
-    assert "declare the delay, or let method joint estimate it" in Cause.FILTER.cure
+    assert FILTER.words.phrase(np.full(2, late), np.full(2, 1e-4)) == words
+    assert "declare the delay, or let method joint estimate it" in FILTER.words.cure
 
 
 def test_the_docs_name_every_finding():
     table = (Path(__file__).parents[3] / "docs" / "explanation" / "troubles.md").read_text("utf-8")
-    assert [finding.label for finding in (*Cause, *Finding) if f"`{finding.label}`" not in table] == []
+    assert [
+        words.label for words in (*ERRORS.values(), *Finding) if f"`{words.label}`" not in table and words.label
+    ] == []

@@ -5,8 +5,7 @@ import pytest
 import scipy
 
 from identify.estimators.covariance_matrices import root_of
-from identify.results.ledger import Ledger, Row, drawn_row, mass_row, tensor_row
-from uq.identification.tare import taken_off
+from identify.results.ledger import Ledger, Row, drawn_row, mass_row, taken_off, tensor_row
 
 UNIT = np.eye(6)
 TRIALS = 10_000

@@ -5,8 +5,7 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.rigid_body.inertial_parameters import InertialParameters
-from tests.helpers.point_masses import parameters, ten
-from tests.helpers.tare_lab import subtract
+from tests.helpers.point_masses import parameters, subtract, ten
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """The operating curves of findings, and their table in the documentation."""
 
-from identify.judge.findings import Cause, Finding
 from tests.helpers import operating_curves
 from tests.helpers.trouble_study import CLEAN
 
@@ -11,7 +10,7 @@ def test_the_table_of_findings_has_their_texts_and_figures():
 
 
 def test_every_finding_has_a_curve_or_no_error_of_the_laboratory():
-    labels = {finding.label for finding in (*Cause, *Finding)} - set(operating_curves.CURVES)
+    labels = {words.label for words in operating_curves.messages()} - set(operating_curves.CURVES)
     assert labels == {"tensor", "least squares", "frame", "gravity", "attitude"}
 
 

@@ -193,6 +193,10 @@ def test_the_joint_estimate_depends_on_the_accelerometers_place_and_on_the_gyros
         off = 10 * np.linalg.norm([ten(one) - ten(result) for one in moved], axis=0)
         for rows, within in ((slice(1, 4), 0.1), (slice(4, 10), 0.05 if name == "accelerometer_place" else 0.1)):
             np.testing.assert_allclose(added(result)[name][rows], off[rows], atol=within * off[rows].max())
+    # it scales what the accelerometer reads, not the specific force at the centre of gravity
+    scaled = [replace(measured, acceleration=measured.acceleration * (1 + 3e-4 * unit)) for unit in np.eye(3)]
+    off = 10 * np.linalg.norm([ten(identified(run, "joint")) - ten(result) for run in scaled], axis=0)
+    np.testing.assert_allclose(added(result)["accelerometer_scale"][4:], off[4:], atol=0.1 * off[4:].max())
 
 
 def test_an_unknown_is_not_there(by_source, jointly):

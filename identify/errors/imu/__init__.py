@@ -1,0 +1,1 @@
+"""Errors of gyro, accelerometer and their stamps."""

@@ -1,0 +1,1 @@
+"""Errors of the load cell: axes, cross-talk, gains, zeros."""

@@ -1,0 +1,1 @@
+"""Errors of platform, mounting and surroundings: gravity, flexibility, cables, air."""
