@@ -41,6 +41,25 @@ def fault(name: str, reason: str, near: str, *changes: tuple[str, str]) -> Fault
 
 
 FAULTS = (
+    # identify: the ledger
+    fault("ledger_draws", "drawn errors added in squares, not trial by trial", "ledger",
+          ("return np.sum(drawn, axis=0) if drawn else None",
+           "return np.sqrt(np.sum(np.square(drawn), axis=0)) if drawn else None")),
+    fault("ledger_tiers", "errors of typical size in the 95 % interval", "ledger",
+          ('known = self.of("measured", "declared")\n        arms',
+           'known = self.of("measured", "declared", "typical")\n        arms')),
+    fault("ledger_contradicted", "what runs contradict without its factor of 2", "ledger",
+          ('shift = CONVENTIONAL * self.of("contradicted")', 'shift = self.of("contradicted")')),
+    fault("ledger_key", "a row beside that whose place it takes", "ledger",
+          ("if row.key not in keys), *added)", "if row), *added)")),
+    fault("ledger_freedom", "squares for fourth powers in Welch and Satterthwaite", "certificate_figures ledger",
+          ("scale**4 / freedom", "scale**2 / freedom")),
+    fault("ledger_expected", "an expected error on the other side of the interval", "ledger declared_errors",
+          ("np.maximum(np.outer(expected, [1, -1]), 0.0)", "np.maximum(np.outer(expected, [-1, 1]), 0.0)")),
+    fault("ledger_scatter", "residuals counted in the scatter, too", "type_a ledger",
+          ("np.sqrt(self.excess**2 - 1)[:, None]", "self.excess[:, None]")),
+    fault("tare_shared", "a fixture's share of an error of the rig added, not taken off", "ledger tare",
+          ("changes=left.changes + same.changed(by_fixture)", "changes=left.changes - same.changed(by_fixture)")),
     # identify: rigid body, motion, signals
     fault("regressor", "sign of a product of omega in Omega_R", "regressor gram",
           ("[a1, a2 - w13, a3 + w12,", "[a1, a2 + w13, a3 + w12,")),

@@ -214,9 +214,7 @@ class Ledger(Shown):
         arms = known._with_drawn(known._linear(probability, physical), probability, physical is not None)
         mean = sum((np.broadcast_to(row.mean, 10) for row in known.rows), np.zeros(10))
         expected = np.nan_to_num(self.expected)
-        arms = (
-            arms + np.outer(mean, [1, -1]) + np.stack([np.maximum(expected, 0.0), np.maximum(-expected, 0.0)], axis=1)
-        )
+        arms = arms + np.outer(mean, [1, -1]) + np.maximum(np.outer(expected, [1, -1]), 0.0)
         shift = CONVENTIONAL * self.of("contradicted").standard_uncertainty[:, None]
         # an expected error may take an end beyond the value: its arm is negative
         return np.where(arms < 0, arms + shift, np.hypot(arms, shift))

@@ -238,12 +238,12 @@ def problem_of(
     fit = result.estimator, result.r_cg, result.inertia, columns
     sums = [
         run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
-        for run, fitted in zip(runs, result.runs, strict=True)
+        for run, fitted in zip(runs if acting else (), result.runs, strict=bool(acting))
     ]
     by_mounting = tuple(
         RunSums.total([part for part, name in zip(sums, names, strict=True) if name == mounting])
-        for mounting in mountings
-    )
+        for mounting in mountings if sums
+    )  # fmt: skip
     body = Body(np.asarray(result.mass or 0.0), result.r_cg, result.inertia)
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
