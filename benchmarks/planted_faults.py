@@ -98,8 +98,7 @@ FAULTS = (
     fault("poses_alike", "skipped: poses tilted about one axis only", "centre static_centre static_poses pose_fit",
           ("if spread[1] < LEAST_TILT:", "if spread[0] < LEAST_TILT:")),
     fault("consistency_unit", "a rotation said in radians for degrees", "moment_alone",
-          ('load cell by {}", _all(180 / np.pi', 'load cell by {}", _all(1.0'),
-          ('"correct imu_rotation_to_body", _all(180 / np.pi', '"correct imu_rotation_to_body", _all(1.0')),
+          ('"correct imu_rotation_to_body",\n        every(180 / np.pi', '"correct imu_rotation_to_body",\n        every(1.0')),
     # uq: units, experiment, sources
     fault("gravity_unit", "g as an acceleration taken for gram", "units imports import_table",
           ('"standard_gravity" if (name, unit) == ("g", "m/s^2") else name', "name")),
@@ -151,9 +150,8 @@ FAULTS = (
     # uq: recorded runs, bodies, planning, design, certificate, commands
     fault("compensated", "sign of the weight that a driver removed", "recorded identify_files",
           ("weight = mass * experiment.gravity * upward(", "weight = -mass * experiment.gravity * upward(")),
-    fault("tare_factor", "the whole's coverage factor for the fixture's", "tare fixture",
-          ("factors[1] ** 2 * alone[1]", "factors[0] ** 2 * alone[1]"),
-          ("fixture_factor**2 * alone[1]", "_factor(result) ** 2 * alone[1]")),
+    fault("tare_factor", "a body's degrees of freedom without the share of what it is made of", "ledger tare",
+          ("(parts / np.asarray(freedom)).sum(axis=1) / total", "np.mean(1 / np.asarray(freedom))")),
     fault("export_millimetres", "an ABB load's centre in metres", "export exports",
           ("(MILLIMETRE * body.r_cg, quaternion)", "(body.r_cg, quaternion)")),
     fault("principal_slope", "missing factor of a product in a principal moment's derivative", "design",
