@@ -247,12 +247,13 @@ class Ledger(Shown):
         return [(np.sqrt(square), np.frombuffer(key)) for key, square in squares.items()]
 
     def _linear(self, probability: float, physical: np.ndarray | None) -> Float[np.ndarray, "10 2"]:
-        half = np.zeros(10)
+        half, usual = np.zeros(10), np.zeros(10)
         for scale, freedom in self._evaluations:
             half = np.hypot(half, student_quantile(freedom, (1 + probability) / 2) * scale)
+            usual = np.hypot(usual, student_quantile(freedom, (1 + USUAL) / 2) * scale)
         arms = np.stack([half, half], axis=1)
-        if physical is not None:
-            arms[4:] = physical * scipy.special.ndtri((1 + probability) / 2) / NORMAL
+        if physical is not None:  # known at the usual probability alone: others in the proportion of the rows' own
+            arms[4:] = physical * np.divide(half, usual, out=np.ones(10), where=usual > 0)[4:, None]
         return arms
 
     def _with_drawn(self, arms: np.ndarray, probability: float, bounded: bool) -> Float[np.ndarray, "10 2"]:

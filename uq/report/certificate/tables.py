@@ -269,8 +269,8 @@ def _two_digits(values: np.ndarray) -> list[str]:
 
 
 TENSOR_NOTE = (
-    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; ν: degrees of freedom that it "
-    "implies; p: coverage probability; u: standard uncertainty; two digits of it (GUM 7.2.6). Products: the tensor's "
+    "U: expanded uncertainty, half the coverage interval; k = U/u: coverage factor; ν: effective degrees of freedom "
+    "(GUM G.4); p: coverage probability; u: standard uncertainty; two digits of it (GUM 7.2.6). Products: the tensor's "
     "entries."
 )
 BOUND_NOTE = " The bound holds undeclared errors at typical size, too; it has no coverage probability."
