@@ -15,7 +15,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.estimators.covariance_matrices import root_of
-from identify.estimators.pooling import NORMAL, Pooling
+from identify.estimators.pooling import Pooling
 from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import PARAMETERS, by_component
