@@ -59,7 +59,7 @@ FAULTS = (
     fault("ledger_scatter", "residuals counted in the scatter, too", "type_a ledger",
           ("np.sqrt(self.excess**2 - 1)[:, None]", "self.excess[:, None]")),
     fault("tare_shared", "a fixture's share of an error of the rig added, not taken off", "ledger tare",
-          ("changes=left.changes + same.changed(by_fixture)", "changes=left.changes - same.changed(by_fixture)")),
+          ("changes=row.changes + same.changes", "changes=row.changes - same.changes")),
     # identify: rigid body, motion, signals
     fault("regressor", "sign of a product of omega in Omega_R", "regressor gram",
           ("[a1, a2 - w13, a3 + w12,", "[a1, a2 + w13, a3 + w12,")),

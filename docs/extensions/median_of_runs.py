@@ -7,7 +7,6 @@ import numpy as np
 from identify.exceptions import RunError
 from identify.methods.base import Method, Problem, estimator_of
 from identify.results.identification_result import Identification
-from identify.results.ledger import Ledger
 
 EFFICIENCY = np.pi / 2
 """Variance of the median over that of the mean, of many normal values."""
@@ -26,11 +25,5 @@ class MedianOfRuns(Method):
         each = np.array([source.fit(replace(problem, runs=(run,))).inertia for run in problem.runs])
         pooled, median = source.fit(problem), np.median(each, axis=0)
         wider = np.sqrt(np.repeat([1.0, EFFICIENCY], [4, 6]))[:, None]  # the tensor, not mass and centre of gravity
-        rows = pooled.ledger.rows
-        return replace(
-            pooled,
-            value=np.concatenate([pooled.value[:4], median]),
-            ledger=Ledger(tuple(row.changed(wider) for row in rows), wider[:, 0] * pooled.ledger.expected),
-            pooling=None,
-            method="median_of_runs",
-        )
+        value = np.concatenate([pooled.value[:4], median])
+        return replace(pooled, value=value, ledger=pooled.ledger.changed(wider), pooling=None, method="median_of_runs")

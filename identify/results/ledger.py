@@ -5,7 +5,7 @@ Linear rows hold the changes by one standard uncertainty of independent numbers,
 (JCGM 101), which add trial by trial.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -169,6 +169,11 @@ class Ledger(Shown):
         added = tuple(rows)
         keys = {row.key for row in added if row.key}
         return Ledger((*(row for row in self.rows if row.key not in keys), *added), self.expected)
+
+    def changed(self, by: Float[np.ndarray, "10 10"] | Float[np.ndarray, "10 1"]) -> "Ledger":
+        """Return the ledger of ten other parameters: by their derivatives by these, or by a factor on each (10, 1)."""
+        expected = by[:, 0] * self.expected if by.shape == (10, 1) else by @ self.expected
+        return Ledger(tuple(row.changed(by) for row in self.rows), expected)
 
     @property
     def bias(self) -> Float[np.ndarray, "10"]:
@@ -344,26 +349,26 @@ class Ledger(Shown):
 
 
 def taken_off(
-    whole: Sequence[Row], fixture: Sequence[Row], by_whole: Float[np.ndarray, "10 10"], by_fixture: np.ndarray
-) -> tuple[Row, ...]:
-    """Return the rows of a body that is left when its fixture is taken off.
+    whole: Ledger, fixture: Ledger, by_whole: Float[np.ndarray, "10 10"], by_fixture: Float[np.ndarray, "10 10"]
+) -> Ledger:
+    """Return the ledger of a body that is left when its fixture is taken off.
 
     Args:
-        whole: rows of both together.
-        fixture: rows of the fixture.
+        whole: of both together.
+        fixture: of the fixture.
         by_whole: derivative of the body's ten parameters by those of both together.
-        by_fixture: the same by those of the fixture, (10, 10).
+        by_fixture: the same by those of the fixture.
     """
-    keyed = {(row.key, row.changes.shape): row for row in fixture if row.key}
+    of_whole, of_fixture = whole.changed(by_whole), fixture.changed(by_fixture)
+    keyed = {(row.key, row.changes.shape): row for row in of_fixture.rows if row.key}
     rows = []
-    for row in whole:
-        left, same = row.changed(by_whole), keyed.pop((row.key, row.changes.shape), None)
-        rows.append(left if same is None else replace(left, changes=left.changes + same.changed(by_fixture).changes))
-    for row in fixture:
+    for row in of_whole.rows:
+        same = keyed.pop((row.key, row.changes.shape), None)
+        rows.append(row if same is None else replace(row, changes=row.changes + same.changes))
+    for row in of_fixture.rows:
         if row.key and (row.key, row.changes.shape) not in keyed:
             continue
-        left = row.changed(by_fixture)
-        if left.drawn:  # of trials of its own
-            left = replace(left, changes=root_of(left.changes @ left.changes.T), drawn=False)
-        rows.append(left if row.tier == "typical" else replace(left, error=FIXTURE, evaluation="A, B", key=""))
-    return tuple(rows)
+        if row.drawn:  # of trials of its own
+            row = replace(row, changes=root_of(row.changes @ row.changes.T), drawn=False)
+        rows.append(row if row.tier == "typical" else replace(row, error=FIXTURE, evaluation="A, B", key=""))
+    return Ledger(tuple(rows), of_whole.expected + of_fixture.expected)

@@ -123,7 +123,6 @@ def tared(
     assembly, fixture = result.parameters, empty if isinstance(empty, InertialParameters) else empty.parameters
     check(assembly, fixture)
     body, jacobian = value_and_jacobian(left_over, np.concatenate([assembly.values, fixture.values]))
-    by_whole, by_fixture = jacobian[:, :10], jacobian[:, 10:]
     stated = Ledger((Row(error=FIXTURE, changes=root_of(fixture.covariance)),))
     ledger = stated if identified is None else identified.ledger
     looked_at = identified is None or identified.looked_at_undeclared
@@ -137,10 +136,7 @@ def tared(
     left = replace(
         result,
         value=body,
-        ledger=Ledger(
-            taken_off(result.ledger.rows, ledger.rows, by_whole, by_fixture),
-            by_whole @ result.ledger.expected + by_fixture @ ledger.expected,
-        ),
+        ledger=taken_off(result.ledger, ledger, jacobian[:, :10], jacobian[:, 10:]),
         centre_from=LEFT,
         looked_at_undeclared=result.looked_at_undeclared and looked_at,
         declarations=(*result.declarations, *tare_declarations),

@@ -84,7 +84,7 @@ def test_the_error_of_both_results_cancels_where_a_fixture_is_taken_off():
     rows = [
         (tensor_row("gain", 0.01 * of * UNIT, key="gain"), tensor_row("noise", 0.02 * UNIT)) for of in (whole, fixture)
     ]
-    left = Ledger(taken_off(*rows, np.eye(10), -np.eye(10)))
+    left = taken_off(*map(Ledger, rows), np.eye(10), -np.eye(10))
     np.testing.assert_allclose(left.budget["gain"][4:], 0.01 * (whole - fixture))
     np.testing.assert_allclose(left.standard_uncertainty[4:], np.sqrt(0.04**2 + 2 * 0.02**2))
     assert left.types == {"gain": "B", "noise": "B", "fixture taken off": "A, B"}
@@ -94,7 +94,7 @@ def test_draws_of_a_fixture_are_independent_of_the_bodys_unless_they_are_of_one_
     draws = even(scipy.stats.norm, seed=5)
     for key, expected in (("gain", 0.0), ("", np.sqrt(2))):
         rows = [(drawn_row("gain", draws, key=key),), (drawn_row("gain", draws, key=key),)]
-        left = Ledger(taken_off(*rows, np.eye(10), -np.eye(10)))
+        left = taken_off(*map(Ledger, rows), np.eye(10), -np.eye(10))
         np.testing.assert_allclose(left.standard_uncertainty[4:], expected, atol=1e-3)
 
 
