@@ -129,7 +129,7 @@ class Identification(Result):
 
     def intervals(self, probability: float = USUAL) -> Float[np.ndarray, "10 2"]:
         """Return coverage intervals of the ten parameters, by measured, declared and contradicted errors."""
-        bounded = self.admissible
+        bounded = None if self.tare else self.admissible  # whose ends are those of body and fixture
         physical = None if bounded is None else np.abs(bounded.interval95 - self.inertia[:, None])
         return self._of_bodies(self.value[:, None] + self.ledger.arms(probability, physical=physical) * [-1, 1])
 
@@ -140,7 +140,7 @@ class Identification(Result):
 
     def _of_bodies(self, intervals: Float[np.ndarray, "10 2"]) -> Float[np.ndarray, "10 2"]:
         """Intervals that end where no body is, where the estimate is held to bodies."""
-        if self.admissible is not None:
+        if self.admissible is not None and self.tare is None:
             moments = np.add(4, MOMENTS)
             intervals[moments, 0] = np.maximum(intervals[moments, 0], 0.0)
         return intervals

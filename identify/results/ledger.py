@@ -95,7 +95,9 @@ class Row:
             total = np.maximum(parts.sum(axis=1), 1e-300)
             freedom = 1 / np.maximum((parts / np.asarray(freedom)).sum(axis=1) / total, 1e-12)
         mean = by @ np.broadcast_to(np.asarray(self.mean, float), 10)
-        return replace(self, changes=by @ self.changes, degrees_of_freedom=freedom, mean=mean)
+        unknown = np.abs(by) @ np.isnan(self.changes) > 0  # and not by a product of NaN with zero
+        changes = np.where(unknown, np.nan, by @ np.nan_to_num(self.changes))
+        return replace(self, changes=changes, degrees_of_freedom=freedom, mean=mean)
 
 
 def student_quantile(freedom: np.ndarray | float, probability: np.ndarray | float) -> np.ndarray:

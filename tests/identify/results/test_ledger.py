@@ -105,6 +105,14 @@ def test_a_changed_row_has_the_degrees_of_freedom_of_what_it_is_made_of():
     np.testing.assert_allclose(mass_row(3.0).changed(2 * np.eye(10)).standard_uncertainty[0], 6.0)
 
 
+def test_what_is_not_known_stays_so_and_spreads_to_nothing_that_does_not_depend_on_it():
+    nothing = tensor_row("possible bodies", np.diag([np.nan, 0, 0, 0, 0, 0]))
+    swapped = np.eye(10)[[0, 1, 2, 3, 5, 4, 6, 7, 8, 9]]
+    for row, where in ((nothing, 4), (nothing.changed(swapped), 5)):
+        variance = np.diag(Ledger((row, tensor_row("a", UNIT))).covariance)
+        assert np.isnan(variance).tolist() == (np.arange(10) == where).tolist()
+
+
 def test_a_root_leaves_out_what_is_negative_by_rounding_alone():
     root = root_of(np.diag([4.0, 0.0, -1e-20]), np.diag([4.0, 1.0, 1.0]))
     np.testing.assert_allclose(root @ root.T, np.diag([4.0, 0, 0]), atol=1e-18)
