@@ -9,8 +9,9 @@ import pytest
 
 from identify.exceptions import RunError
 from identify.judge import judged_fits
-from identify.judge.findings import Cause, Finding
-from identify.judge.resonance import saturated
+from identify.judge.finding_pages import all_findings
+from identify.judge.findings import Cause
+from identify.judge.run_findings.saturation import saturated
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified, run_of
 from tests.helpers.troubles import TROUBLES
@@ -157,4 +158,4 @@ def test_who_came_late_is_said_without_a_minus(late, words):
 
 def test_the_docs_name_every_finding():
     table = (Path(__file__).parents[3] / "docs" / "explanation" / "troubles.md").read_text("utf-8")
-    assert [finding.label for finding in (*Cause, *Finding) if f"`{finding.label}`" not in table] == []
+    assert [finding.label for finding in (*Cause, *all_findings()) if f"`{finding.label}`" not in table] == []

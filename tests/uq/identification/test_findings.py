@@ -1,17 +1,24 @@
 """The operating curves of findings, and their table in the documentation."""
 
-from identify.judge.findings import Cause, Finding
+from identify.judge.finding_pages import all_findings
+from identify.judge.findings import Cause
 from tests.helpers import operating_curves
 from tests.helpers.trouble_study import CLEAN
 
 
 def test_the_table_of_findings_has_their_texts_and_figures():
-    """Otherwise: ``python -m tests.helpers.operating_curves --write``."""
+    """Otherwise: ``python -m tests.helpers.operating_curves --texts``."""
     assert operating_curves.PAGE.read_text("utf-8") == operating_curves.page_with_findings()
 
 
+def test_the_pages_of_findings_are_their_docstrings():
+    """Otherwise: ``python -m tests.helpers.operating_curves --texts``."""
+    written = {path: path.read_text("utf-8") for path in operating_curves.PAGES.glob("*.md")}
+    assert written == operating_curves.pages()
+
+
 def test_every_finding_has_a_curve_or_no_error_of_the_laboratory():
-    labels = {finding.label for finding in (*Cause, *Finding)} - set(operating_curves.CURVES)
+    labels = {finding.label for finding in (*Cause, *all_findings())} - set(operating_curves.CURVES)
     assert labels == {"tensor", "least squares", "frame", "gravity", "attitude"}
 
 

@@ -1,0 +1,1 @@
+"""Findings on conventions, a file each: what it looks like, why it matters, how it is decided, what to do."""
