@@ -180,7 +180,7 @@ def test_a_new_finding(monkeypatch, tmp_path):
     monkeypatch.setattr(run_findings, "__path__", [*run_findings.__path__, str(tmp_path)])
     resolution = importlib.import_module("identify.judge.run_findings.resolution")
     try:
-        monkeypatch.setattr(judged_result, "OF_SIGNALS", (*judged_result.OF_SIGNALS, resolution.coarse))
+        monkeypatch.setattr(judged_result, "SIGNAL_CHECKS", (*judged_result.SIGNAL_CHECKS, resolution.coarse))
         measured = measure(1, seconds=10.0)
         coarse = identified(replace(measured, omega=np.round(measured.omega, 0)))
         verdict = next(verdict for verdict in coarse.consistency if verdict.cause == "resolution")

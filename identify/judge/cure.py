@@ -39,7 +39,7 @@ class Entries:
     """Word between them and the choice before."""
 
     @property
-    def each(self) -> list["Entries"]:
+    def separate(self) -> list["Entries"]:
         """Each key by itself, the remark behind the last."""
         last = list(self.values)[-1]
         return [replace(self, values={key: x}, remark=self.remark * (key == last)) for key, x in self.values.items()]
@@ -106,10 +106,10 @@ def written(cure: Cure | str, map_keys: Collection[str] = ()) -> str:
     def placed(choice: Entries | str) -> str:
         if isinstance(choice, str):
             return choice
-        groups = groupby((key for part in (*cure.with_it, choice) for key in part.each), place)
+        groups = groupby((key for part in (*cure.with_it, choice) for key in part.separate), place)
         return " and ".join(f"{' and '.join(map(_line, group))} in {where}" for where, group in groups)
 
-    places = {place(key) for part in cure.parts for key in part.each}
+    places = {place(key) for part in cure.parts for key in part.separate}
     if len(places) == 1:
         text = f"{cure.line}{',' * (len(cure.choices) > 1)} in {places.pop()}"
     else:

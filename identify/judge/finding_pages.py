@@ -18,14 +18,15 @@ class FindingPage(NamedTuple):
     """Docstring of its file, in Markdown: a sentence, then what it looks like, why it matters, and so on."""
     examples: tuple[Finding, ...]
     """A finding of each variant, with figures."""
-    of_result: bool
+    in_results: bool
     """Whether results have it among their warnings; else it is a suspicion of the recording."""
 
     @property
     def printed(self) -> list[str]:
         """Lines that commands print of the examples."""
-        results = [example.verdict(axis="", share=0.0).text for example in self.examples]
-        return results if self.of_result else [f"suspicious {each.topic}: {each.text}" for each in self.examples]
+        if self.in_results:
+            return [example.verdict(axis="", share=0.0).text for example in self.examples]
+        return [f"suspicious {example.topic}: {example.text}" for example in self.examples]
 
     @property
     def summary(self) -> str:
@@ -53,4 +54,4 @@ def _page(name: str) -> FindingPage:
     module = importlib.import_module(name)
     examples: tuple[Finding, ...] = module.EXAMPLES
     text = (module.__doc__ or "").strip()
-    return FindingPage(examples[0].label, text, examples, of_result=name.startswith(ROOMS[0]))
+    return FindingPage(examples[0].label, text, examples, in_results=name.startswith(ROOMS[0]))

@@ -145,12 +145,12 @@ class Contribution(NamedTuple):
     """Changes of the tensor by one standard uncertainty of each of k independent errors [kg·m²]."""
 
 
-OF_SIGNALS: tuple[Callable[[Run], list[ResidualCause]], ...] = (saturated,)
+SIGNAL_CHECKS: tuple[Callable[[Run], list[ResidualCause]], ...] = (saturated,)
 """Checks of a run's signals alone, beside which its least squares are not compared."""
 
 
 def _by_signals(problem: Problem) -> list[Contribution]:
-    return [Contribution(finding) for check in OF_SIGNALS for run in problem.runs for finding in check(run)]
+    return [Contribution(finding) for check in SIGNAL_CHECKS for run in problem.runs for finding in check(run)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +262,7 @@ class JudgedRuns:
         imitated = bool(self.named) and judgement.explained[k] <= EXPLAINS
         left_over = judgement.unexplained[k]
         if left_over > (IMITATED if imitated else UNEXPLAINED):
-            verdict = InBandResidual.of_row(run.name, left_over, judgement.rows[k])
+            verdict = InBandResidual.in_row(run.name, left_over, judgement.rows[k])
             contributions.append(Contribution(verdict, np.diag(left_over * self.u / np.sqrt(self.count))))
         lines = [] if self.result.method == "joint" else lines_of(run, self.result)
         peak, changes = resonance(run, self.problem.band), np.zeros((6, 0))

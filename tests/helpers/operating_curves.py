@@ -348,7 +348,8 @@ def _page(finding: FindingPage) -> str:
     )  # fmt: skip
     return (
         f"# `{finding.label}`\n\n*What does this finding mean, and what do I do?*\n\n{finding.text}\n\n## What is printed\n"
-        f"{printed}\n## How often it is named\n\n{how_often}\n\nAll findings: [when the rig errs](../troubles.md#"
+        f"{printed}\n## How often it is named\n\n{how_often}\n\nOf runs of a simulated laboratory: [all figures](../findings.csv). "
+        "All findings: [when the rig errs](../troubles.md#"
         "what-a-result-can-name).\n"
     )
 

@@ -44,7 +44,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         judged: list[Finding] = []
         report = inspect(path, judge=partial(_without_experiment, judged))
         if report.imported:
-            in_map = {topic_finding(each, imported=False): topic_finding(each, imported=True) for each in judged}
+            in_map = {topic_finding(part, imported=False): topic_finding(part, imported=True) for part in judged}
             report.findings = [in_map.get(finding, finding) for finding in report.findings]
         return report
     from identify.signals.run import RunError

@@ -1,1 +1,4 @@
-"""Findings on the signals and residuals of runs, a file each: what it looks like, how it is decided, what to do."""
+"""Findings on signals and residuals of runs, a file each: what it looks like, why it matters, how it is decided, cure.
+
+How often each is named: docs/explanation/findings.csv, by ``tests.helpers.operating_curves``.
+"""

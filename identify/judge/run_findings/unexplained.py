@@ -56,7 +56,7 @@ class InBandResidual(Finding):
     """Root mean square over that of the noise."""
 
     @classmethod
-    def of_row(cls, run: str, ratio: float, row: int) -> ResidualCause:
+    def in_row(cls, run: str, ratio: float, row: int) -> ResidualCause:
         """Return it as an entry of a result; ``row``: of the wrench, counted from the last."""
         axis, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
         return cls(topic=run, quantity=quantity, axis=axis, ratio=ratio).verdict(axis=axis, share=1 - ratio**-2)

@@ -87,7 +87,7 @@ def test_a_cure_names_the_map_for_the_keys_that_it_has():
 
 def test_what_a_cure_sets_can_be_read_again():
     entries = Entries({"urdf_gravity": ["0.000 m/s^2"], "calibration": [[-1.0, 2.5e-7]], "quaternion": {"w": "q0"}})
-    lines = [each.line for each in entries.each]
+    lines = [entry.line for entry in entries.separate]
     assert tomllib.loads("\n".join(lines)) == entries.values
 
 
