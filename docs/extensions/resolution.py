@@ -17,8 +17,6 @@ Fewer than 30 steps between the least and the largest value of a channel.
 Choose a smaller range of the sensor, move more, or declare the resolution as a source of kind `quantisation`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identify.judge.findings import Finding
@@ -37,7 +35,6 @@ Numerical: rounding of doubles.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class CoarseChannel(Finding):
     """A channel with few different values."""
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from enum import Enum
-from typing import ClassVar
+from typing import ClassVar, dataclass_transform
 
 import numpy as np
 from jaxtyping import Float
@@ -178,11 +178,12 @@ class Cause(_Words, Enum):
         return f"as if {self.pattern.format(written)} ({self.label})"
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=False)
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding(ABC):
-    """A finding that is no error with a size: its figures, and the texts that they make.
+    """A finding that is no error with a size: its figures as fields, and the texts that they make.
 
-    The name of its file is its label. Several classes in a file are variants of one finding.
+    The name of its file is its label. Several classes in a file are variants of one finding, each a frozen dataclass.
     """
 
     label: ClassVar[str]
@@ -191,6 +192,7 @@ class Finding(ABC):
 
     def __init_subclass__(cls) -> None:
         cls.label = cls.__module__.rpartition(".")[2].replace("_", " ")
+        dataclass(frozen=True, kw_only=True, eq=False)(cls)
 
     @property
     @abstractmethod

@@ -20,8 +20,6 @@ not matter counts as noise. Only where no cause is named. No error of the simula
 Look for a wrong r_CG, a cable, cross-talk of the load cell or a flexible mounting, or declare the errors that may act.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identify.estimators.hausman import EstimateDifference
@@ -39,7 +37,6 @@ Chance: far below that of the named causes (1e-4), since the covariance counts a
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class TwoEstimates(Finding):
     """A run's tensor by ordinary least squares apart from that by force and moment together."""
 

@@ -21,13 +21,10 @@ Find what differs between the runs: clamp again, let the sensors warm up, lay th
 the scatter better.
 """
 
-from dataclasses import dataclass
-
 from identify.judge.findings import Finding
 from identify.results.declaration import ResidualCause
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class RunsScatter(Finding):
     """Runs that scatter more than predicted, by the words of their comparison."""
 

@@ -21,7 +21,7 @@ surroundings, with one false line in 100,000 clean runs. Lines are looked for wi
 Stiffen or damp what vibrates. Mains hum and motors at a fixed frequency: find what vibrates there, and switch it off.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +70,6 @@ Measured: no peak stands out at all in 40 clean runs, and hum is all of what lie
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Vibration(Finding):
     """A peak of force or moment above the motion's band."""
 
@@ -89,7 +88,6 @@ class Vibration(Finding):
     cure = "stiffen or damp what vibrates"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualHum(Finding):
     """A line in the residual moment above the motion's band."""
 

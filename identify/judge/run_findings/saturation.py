@@ -20,8 +20,6 @@ are not a finding: the result counts them as left out.
 Move less, or take a sensor of a larger range.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float
 
@@ -48,7 +46,6 @@ Numerical: stamps rounded to nanoseconds make a spline to uniform instants move 
 QUANTITIES = {"force": "force", "moment": "moment", "omega": "angular velocity"}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ClippedChannel(Finding):
     """A channel whose samples stay at one extreme value."""
 

@@ -23,8 +23,6 @@ Look for a liquid, a loose part, a cable or anything that moves in the body. Rec
 wider interval.
 """
 
-from dataclasses import dataclass
-
 from identify.judge.findings import Finding, signed
 from identify.results.declaration import ResidualCause
 
@@ -46,7 +44,6 @@ Choice: half; a body that sloshes at 1.5 Hz leaves more to all causes together.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class InBandResidual(Finding):
     """Residuals in the band of the motion that no cause explains."""
 
@@ -71,7 +68,6 @@ class InBandResidual(Finding):
     cure = "liquid or something loose inside? the interval is wider by as much"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class FollowsNoCause(Finding):
     """Residuals that follow the motion as no rig's error does."""
 

@@ -20,14 +20,11 @@ better than anything else that is looked for. A delay of the whole IMU is the ca
 Set `accelerometer_delay` in `[recording]`, or give gyro and accelerometer the same filter, which is better.
 """
 
-from dataclasses import dataclass
-
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 from identify.rounding import fixed
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class AccelerometerLags(Finding):
     """An accelerometer whose samples are older than the gyro's."""
 

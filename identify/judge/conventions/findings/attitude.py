@@ -22,13 +22,11 @@ order decides where several fit.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class AttitudeReadOtherwise(Finding):
     """Attitudes that the forces fit only if they are read in another way."""
 
@@ -49,7 +47,6 @@ class AttitudeReadOtherwise(Finding):
         return Cure(choices=[last], with_it=others)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class QuaternionFields(Finding):
     """A quaternion whose fields the angular velocity fits only in another order."""
 

@@ -23,7 +23,6 @@ one IMU no key tells: correct the order of the channels where they are recorded.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -36,7 +35,6 @@ from identify.judge.cure import Cure, Entries, as_well, axes_text
 from identify.judge.findings import Finding
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class AccelerometerAxes(Finding):
     """An accelerometer whose axes are not the gyro's."""
 
@@ -50,7 +48,6 @@ class AccelerometerAxes(Finding):
         return f"gravity turns with the gyro only if the accelerometer's axes are the gyro's ({axes})"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class OtherAxes(Finding):
     """A load cell whose axes are not the IMU's."""
 

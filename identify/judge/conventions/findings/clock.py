@@ -20,8 +20,6 @@ Set `time = "log"` in `[recording]`, which is good to some milliseconds. Two com
 with method `joint` declare the `delay`, which it then refines. Better: synchronise the clocks, and record again.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identify.judge.conventions import convention_fit
@@ -62,7 +60,6 @@ Choice: 0.05 s apart, a motion of 1 Hz leaves three times as much.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class TwoClocks(Finding):
     """Stamps of wrench and motion by clocks that are apart."""
 

@@ -22,7 +22,6 @@ Import the attitude in place of the rates, by `columns.quaternion` of a map. Of 
 formula that makes the angular velocity of the rates.
 """
 
-from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -75,7 +74,6 @@ Choice: small angles, where both are alike, are not judged.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class RatesOfAngles(Finding):
     """Channels that hold the rates of Euler angles."""
 

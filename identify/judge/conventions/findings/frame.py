@@ -22,7 +22,6 @@ Set `wrench_frame` as the message has it. `"base"` needs an attitude in the reco
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -40,7 +39,6 @@ Choice: bases are set up to a degree or two.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WrenchAtRest(Finding):
     """A wrench along axes at rest that is declared along those of the sensor."""
 
@@ -80,7 +78,6 @@ def _near_right_angle(yaw: float) -> float:
     return float(right if abs(yaw - right) < LEAST_YAW else yaw)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WrenchTurns(Finding):
     """A wrench along the axes of the sensor that is declared along those at rest."""
 
@@ -94,7 +91,6 @@ class WrenchTurns(Finding):
     cure = Cure(choices=[Entries({"wrench_frame": "sensor"})])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ZeroAtRest(Finding):
     """A zero of the force that is constant along axes at rest."""
 

@@ -22,8 +22,6 @@ Set `urdf_gravity` as the message has it. Forces at rest do not tell gravity ups
 force: the message has a line for each.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from identify.judge.conventions.convention_fit import Vector
@@ -46,7 +44,6 @@ Choice: a plumb line is no better.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GravityElsewhere(Finding):
     """A weight that points away from the declared gravity."""
 
@@ -69,7 +66,6 @@ class GravityElsewhere(Finding):
         return Cure(question="base upside down, on a wall, or leaning?", choices=[gravity_entry(self.gravity)])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class PosesUpsideDown(Finding):
     """Static poses whose weight points up."""
 

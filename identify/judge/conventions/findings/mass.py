@@ -25,7 +25,6 @@ carries. Of a body that was grasped or released, identify only the part of the r
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -46,7 +45,6 @@ Choice: grippers close in less.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOfAnotherMass(Finding):
     """A force that is the weight of another mass than declared."""
 
@@ -69,7 +67,6 @@ class WeightOfAnotherMass(Finding):
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ChangedMass(Finding):
     """A body that is grasped or put down during the run."""
 

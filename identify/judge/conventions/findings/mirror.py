@@ -22,7 +22,6 @@ message has.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -37,7 +36,6 @@ from identify.judge.findings import Finding
 CHANNELS = "correct order and signs of its channels where they are recorded; no rotation in [recording] can"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ImuMirrored(Finding):
     """An IMU with left-handed axes."""
 
@@ -51,7 +49,6 @@ class ImuMirrored(Finding):
     cure = CHANNELS
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ImuMirroredAndTurned(Finding):
     """An IMU with left-handed axes that are turned besides."""
 
@@ -70,7 +67,6 @@ class ImuMirroredAndTurned(Finding):
     cure = CHANNELS
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WrenchMirrored(Finding):
     """A load cell with left-handed axes, or reversed and turned."""
 

@@ -22,7 +22,7 @@ the load cell decides.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +34,6 @@ from identify.judge.cure import Cure, Entries, as_well
 from identify.judge.findings import Finding
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class OtherPoint(Finding):
     """A moment about another point than Q."""
 

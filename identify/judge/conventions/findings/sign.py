@@ -23,7 +23,6 @@ accelerometer at rest, up, and of the load cell under a known load decide.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +65,6 @@ def alone(signal: str, declared: DeclaredRig) -> SignReading:
     return SignReading(f"the {signal} alone has the reversed sign", Entries({"calibration": rows}), mirrored=True)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ReversedSign(Finding):
     """Signals that have the other sign."""
 

@@ -24,7 +24,7 @@ their own use one.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,7 +45,6 @@ from identify.rigid_body.rotation import exponential
 from identify.rounding import fixed
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Turned(Finding):
     """A rotation between load cell and IMU."""
 
@@ -72,7 +71,6 @@ class Turned(Finding):
         return replace(self.turn, with_it=[ON_SENSOR]) if self.reversed else self.turn
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class TurnedALittle(Finding):
     """A small rotation between load cell and IMU."""
 
@@ -93,7 +91,6 @@ class TurnedALittle(Finding):
         return replace(self.turn, then=", or correct the clock")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class RateAxes(Finding):
     """An angular velocity along other axes than the attitude's."""
 

@@ -24,7 +24,6 @@ fit, the mass decides: weigh the body.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,7 +48,6 @@ from identify.judge.findings import Finding
 from identify.rounding import significant
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class AccelerationInG(Finding):
     """An acceleration that is probably in g."""
 
@@ -63,7 +61,6 @@ class AccelerationInG(Finding):
     cure = Cure(choices=[Entries({"acceleration_unit": "g"})])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GyroInDegrees(Finding):
     """An angular velocity that is probably in deg/s."""
 
@@ -77,7 +74,6 @@ class GyroInDegrees(Finding):
     cure = Cure(choices=[Entries({"angular_velocity_unit": "deg/s"})])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class RateUnit(Finding):
     """An angular velocity in another unit than the attitude shows."""
 
@@ -96,7 +92,6 @@ class RateUnit(Finding):
         return Cure(question="degrees taken for radians, or radians for degrees?", choices=[unit])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WrenchUnits(Finding):
     """Force and moment of a run in other units."""
 
@@ -121,7 +116,6 @@ class WrenchUnits(Finding):
         return Cure(choices=[best], then=as_well([*rivals, *self.fits_as_well]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WrenchUnitsAtRest(Finding):
     """Force and moment of static poses in other units."""
 

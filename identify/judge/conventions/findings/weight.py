@@ -24,7 +24,6 @@ Record without compensation, and zero the load cell without the body. Otherwise 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from identify.judge.conventions.axis_hypotheses import Scales
 from identify.judge.conventions.convention_fit import DeclaredRig
@@ -49,7 +48,6 @@ Choice: gain and mass together are better.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WeightMissing(Finding):
     """A force without the weight of the body."""
 
@@ -71,7 +69,6 @@ class WeightMissing(Finding):
         return _restored(self.removal)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WeightPartlyMissing(Finding):
     """A force that lacks a part of the weight throughout."""
 
@@ -94,7 +91,6 @@ class WeightPartlyMissing(Finding):
         return _restored(self.removal)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOfAnotherPayload(Finding):
     """A force with the weight of another payload than its inertia."""
 
