@@ -7,8 +7,8 @@ method `joint` names the same as a cause, with its size.)
 
 ## Why it matters
 
-Mass, centre of gravity and the axes follow from the specific force. A lag of 10 ms looks like a turned load cell or a
-missing weight. Methods `source` and `gls` do not use the accelerometer.
+Mass, centre of gravity and the axes follow from the specific force. A lag may look like weight that is missing.
+Methods `source` and `gls` do not use the accelerometer.
 
 ## How it is decided
 

@@ -16,8 +16,9 @@ them at least as well. Where these do not halve what is left, the message says t
 
 ## What to do
 
-Set `time = "log"` in `[recording]`, which is good to some milliseconds. Two computers stamp by clocks of their own. Or
-with method `joint` declare the `delay`, which it then refines. Better: synchronise the clocks, and record again.
+Set `time = "log"` in `[recording]`: the log's times are of one clock, where two computers stamp by clocks of their
+own. Or with method `joint` declare the `delay`, which it then refines. Better: synchronise the clocks, and record
+again.
 """
 
 import numpy as np

@@ -8,7 +8,7 @@ the order in which the axes are turned, such as yaw, pitch and roll.
 ## Why it matters
 
 The body's angular velocity is another vector unless the angles are small. The tensor is wrong by as much as the two
-differ, tens of per cent at angles of half a radian.
+differ.
 
 ## How it is decided
 

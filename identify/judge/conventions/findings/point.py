@@ -12,8 +12,8 @@ it, or at the tool.
 ## How it is decided
 
 The centre of gravity follows from `M = r × F` and the motion, with its covariance. Named from 3 mm and a chi-square of
-40 beyond the declared uncertainty, 3 mm for a drawing included. Directions that the motion does not determine do not
-count; their coordinates are `?`. A unit of the moment, or its sign alone, that explains it as well is named beside it.
+40, with the declared uncertainty and 1 mm besides. Directions that the motion does not determine do not count; their
+coordinates are `?`. A unit of the moment, or its sign alone, that explains it as well is named beside it.
 
 ## What to do
 

@@ -7,7 +7,7 @@ attitude of one body are along axes that differ.
 
 ## Why it matters
 
-A turn of 1° moves products of inertia by some per cent of the moments. Larger ones make every component wrong.
+A turn by θ mixes the components: a product of inertia takes up θ times the difference of two moments, 2 % of it at 1°.
 
 ## How it is decided
 

@@ -7,7 +7,8 @@ should be 9.8. The gyro turns 57 times as fast as gravity or the attitude.
 
 ## Why it matters
 
-The tensor is wrong by the factor of the unit of the moment, and by more where the gyro's is wrong.
+The tensor is wrong by the factor of the unit, of the moment or of the angular velocity; mass and lever by that of the
+force.
 
 ## How it is decided
 

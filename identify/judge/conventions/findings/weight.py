@@ -15,7 +15,9 @@ Mass and centre of gravity follow from the weight, and with wrong ones the tenso
 The mean of the force is compared with the declared mass, or with the least mass that a body of such moments has; where
 gravity turns all ways in the body, the changes of the force count. What is left of the force turns with gravity where
 the load cell was zeroed with the body on it, and does not where the driver removed the weight. With an attitude one
-fit `F = m f + Rᵀ p + F0` tells the weight that is missing. Named from a tenth of the mass and six standard deviations.
+fit `F = m f + Rᵀ p + F0` tells the weight that is missing. All of it is missing below three tenths of the declared
+mass; a part or another payload is named from half of the weight without an attitude, with one from a tenth of the mass
+and six standard deviations.
 
 ## What to do
 
