@@ -8,13 +8,18 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from identify.judge import judged_result, run_findings
 from rig.record.port import converse
+from tests.helpers import operating_curves
+from tests.helpers.laboratory import measure
+from tests.helpers.laboratory_runs import identified
 from uq.cli.main import main
 from uq.sources.source import KINDS
 
@@ -222,3 +227,30 @@ def test_a_new_estimator(extended):
     assert (off["median"][moments] < 0.3 * off["mean"][moments]).all()
     assert (off["median"] < 4 * np.sqrt(np.diag(names["by_median"].covariance))).all()
     assert names["by_median"].method == "median_of_runs"
+
+
+def test_a_new_finding(monkeypatch, tmp_path):
+    """One file in the room of findings, and one line where runs are judged; page and row of the docs follow."""
+    shutil.copy(PAGE.parents[1] / "extensions" / "resolution.py", tmp_path)
+    monkeypatch.setattr(run_findings, "__path__", [*run_findings.__path__, str(tmp_path)])
+    resolution = importlib.import_module("identify.judge.run_findings.resolution")
+    try:
+        monkeypatch.setattr(judged_result, "SIGNAL_CHECKS", (*judged_result.SIGNAL_CHECKS, resolution.coarse))
+        measured = measure(1, seconds=10.0)
+        coarse = identified(replace(measured, omega=np.round(measured.omega, 0)))
+        verdict = next(verdict for verdict in coarse.consistency if verdict.cause == "resolution")
+        assert verdict.docs == "docs/explanation/troubles.md#resolution"
+        assert re.search(r": the omega on b\d has only \d+ steps over its range \(resolution\); choose a", verdict.text)
+        assert verdict.text in coarse.warnings
+        assert "resolution" not in {verdict.cause for verdict in identified(measured).consistency}
+        page = operating_curves.pages()[operating_curves.PAGES / "resolution.md"]
+        assert (
+            "the force on b3 has only 12 steps over its range (resolution); choose a smaller range of the sensor"
+            in page
+        )
+        row = (
+            "[`resolution`](findings/resolution.md) | the resolution of a sensor is coarse: a channel has few different"
+        )
+        assert f'<a id="resolution"></a>{row}' in operating_curves.page_with_findings()
+    finally:
+        del sys.modules["identify.judge.run_findings.resolution"]

@@ -27,6 +27,11 @@ Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube
 """
 
 
+def place_in_docs(label: str) -> str:
+    """Return page and anchor of the documentation on a finding."""
+    return f"{PAGE}#{label.replace(' ', '-')}"
+
+
 class Stage(IntEnum):
     """Places of the rig in the order in which errors act: from the body to the files.
 
@@ -87,7 +92,7 @@ class CauseWords(NamedTuple):
     @property
     def docs(self) -> str:
         """Page and anchor of the documentation on it."""
-        return f"{PAGE}#{self.label.replace(' ', '-')}"
+        return place_in_docs(self.label)
 
     def phrase(self, values: Numbers, spread: Numbers) -> str:
         """Return what a run looks like by an error's numbers, in SI, with their standard uncertainties."""

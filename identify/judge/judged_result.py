@@ -3,7 +3,7 @@
 In free flight nothing tells the attitude, and no cause can be judged.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -23,19 +23,15 @@ from identify.joint.joint_pooling import shared_unknowns
 from identify.judge import held_errors
 from identify.judge.causes import FollowedCause, Judgement, followed
 from identify.judge.evidence import Base
-from identify.judge.findings import MATTERS, Finding, signed
+from identify.judge.findings import MATTERS
 from identify.judge.held_errors import by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
-from identify.judge.resonance import lines_of, resonance, saturated
 from identify.judge.rivals import JudgedWay, effect, rivals_text
-from identify.judge.run_fit import (
-    DIFFERENT,
-    RunFit,
-    base_of,
-    least_squares_cause,
-    least_squares_difference,
-    tensor_change,
-)
+from identify.judge.run_findings.least_squares import DIFFERENT, least_squares_cause, least_squares_difference
+from identify.judge.run_findings.resonance import lines_of, resonance
+from identify.judge.run_findings.saturation import saturated
+from identify.judge.run_findings.unexplained import EXPLAINS, IMITATED, UNEXPLAINED, FollowsNoCause, InBandResidual
+from identify.judge.run_fit import RunFit, base_of, tensor_change
 from identify.methods.base import Problem
 from identify.results.declaration import Declaration, ResidualCause
 from identify.results.identification_result import MISFIT, Identification
@@ -47,22 +43,6 @@ WIDENS = 0.2
 """Part of the residuals that a cause explains from which it is worth a warning, too: the interval is wider for it.
 
 Price: an interval 12 % wider than without the cause, ``1 / sqrt(1 - 0.2)``.
-"""
-UNEXPLAINED = 3.0
-"""Ratio of residuals in the motion's band to those above it from which an unnamed cause is reported.
-
-Measured: at most 1.14 in 40 clean runs, above 3 with a body that sloshes (``tests.helpers.judge_margins``).
-"""
-IMITATED = 1.5
-"""Ratio of residuals in the motion's band to those above it from which causes that explain less than ``EXPLAINS``
-imitate one that is not looked for.
-
-Measured: 2.0 to 2.1 in five runs with a liquid of 0.03 kg at 1.5 Hz; of clean ones no cause is named.
-"""
-EXPLAINS = 0.5
-"""Part of the residuals that the named causes must explain to come before what none explains.
-
-Choice: half; a body that sloshes at 1.5 Hz leaves more to all causes together.
 """
 LISTED = 4
 """Most runs that a finding names.
@@ -103,8 +83,7 @@ def judged(result: Identification, problem: Problem) -> Judged:
     fits = [fits_of(run, result, problem) for run in problem.runs]
     joined = examined(fits, result, problem)
     if joined is None:
-        saturations = [Contribution(finding) for run in problem.runs for finding in saturated(run)]
-        contributions, errors = merged(saturations, len(fits)), list[FollowedCause]()
+        contributions, errors = merged(_by_signals(problem), len(fits)), list[FollowedCause]()
     else:
         contributions, errors = joined.contributions(), joined.errors_of_force
     causes = tuple(contribution.finding for contribution in contributions)
@@ -159,6 +138,14 @@ class Contribution(NamedTuple):
     """Changes of the tensor by one standard uncertainty of each of k independent errors [kg·m²]."""
 
 
+SIGNAL_CHECKS: tuple[Callable[[Run], list[ResidualCause]], ...] = (saturated,)
+"""Checks of a run's signals alone, beside which its least squares are not compared."""
+
+
+def _by_signals(problem: Problem) -> list[Contribution]:
+    return [Contribution(finding) for check in SIGNAL_CHECKS for run in problem.runs for finding in check(run)]
+
+
 @dataclass(frozen=True, eq=False)
 class JudgedRuns:
     """Runs at their best together, with what their residuals follow."""
@@ -204,11 +191,11 @@ class JudgedRuns:
 
     def contributions(self) -> list[Contribution]:
         """Return all findings, the most important first."""
-        saturations = [Contribution(finding) for run in self.problem.runs for finding in saturated(run)]
+        signals = _by_signals(self.problem)
         causes = [part for finding, causes in self.named.items() for part in self._of_cause(finding, causes)]
-        silent = {part.finding.run for part in saturations}
+        silent = {part.finding.run for part in signals}
         of_runs = [part for k in range(len(self.runs)) for part in self._of_run(k, silent)]
-        rest = unexplained_once([*merged([*saturations, *of_runs], self.count), *self._of_implausible()])
+        rest = unexplained_once([*merged([*signals, *of_runs], self.count), *self._of_implausible()])
         # causes that explain little imitate what is not looked for, which then comes first
         first, others = _split(rest) if self._imitated else ([], rest)
         return [*first, *causes, *others]
@@ -267,7 +254,7 @@ class JudgedRuns:
         imitated = bool(self.named) and judgement.explained[k] <= EXPLAINS
         left_over = judgement.unexplained[k]
         if left_over > (IMITATED if imitated else UNEXPLAINED):
-            verdict = _unexplained(run, left_over, judgement.rows[k])
+            verdict = InBandResidual.in_row(run.name, left_over, judgement.rows[k])
             contributions.append(Contribution(verdict, np.diag(left_over * self.u / np.sqrt(self.count))))
         lines = [] if self.result.method == "joint" else lines_of(run, self.result)
         peak, changes = resonance(run, self.problem.band), np.zeros((6, 0))
@@ -290,10 +277,11 @@ class JudgedRuns:
         names = [run.name for run in self.runs]
         where = names if cause.candidate.run is None else [names[cause.candidate.run]]
         axis = f"b{1 + int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))}"
-        verdict = Finding.IMPLAUSIBLE.cause(
-            named_runs(where, self.count), axis=axis, share=cause.evidence.share, label=cause.candidate.finding.label,
-            component=COMPONENTS[worst], shift=signed(GRAM_METRE * changes[worst]),
+        follows = FollowsNoCause(
+            topic=named_runs(where, self.count), most_like=cause.candidate.finding.label,
+            component=COMPONENTS[worst], shift=GRAM_METRE * float(changes[worst]),
         )  # fmt: skip
+        verdict = follows.verdict(axis=axis, share=cause.evidence.share)
         return [Contribution(verdict._replace(run=", ".join(where)), changes[:, None])]
 
 
@@ -363,7 +351,7 @@ def merged(contributions: Sequence[Contribution], count: int) -> list[Contributi
     """
     groups: dict[tuple[str, str], list[Contribution]] = {}
     for part in contributions:
-        axis = part.finding.axis * (part.finding.cause != Finding.UNEXPLAINED.label)
+        axis = part.finding.axis * (part.finding.cause != InBandResidual.label)
         groups.setdefault((part.finding.cause, axis), []).append(part)
     lines = []
     for group in groups.values():
@@ -378,7 +366,7 @@ def merged(contributions: Sequence[Contribution], count: int) -> list[Contributi
 
 def _split(contributions: Sequence[Contribution]) -> tuple[list[Contribution], list[Contribution]]:
     """Findings that no cause explains, and the others."""
-    unexplained = [part.finding.cause == Finding.UNEXPLAINED.label for part in contributions]
+    unexplained = [part.finding.cause == InBandResidual.label for part in contributions]
     pairs = list(zip(contributions, unexplained, strict=True))
     return [part for part, is_it in pairs if is_it], [part for part, is_it in pairs if not is_it]
 
@@ -404,12 +392,6 @@ def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict
         if named:
             return named
     return {}
-
-
-def _unexplained(run: Run, left_over: float, row: int) -> ResidualCause:
-    """Return the part that no cause explains: root mean square of a row, counted from the last, over its noise."""
-    axis, quantity = f"b{row % 3 + 1}", "force" if row < -3 else "moment"
-    return Finding.UNEXPLAINED.cause(run.name, axis=axis, share=1 - left_over**-2, quantity=quantity, ratio=left_over)
 
 
 def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:

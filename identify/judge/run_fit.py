@@ -15,7 +15,6 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.estimators.hausman import EstimateDifference
 from identify.joint.gauss_newton import linearised
 from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
 from identify.joint.motion_signals import MotionSignals
@@ -23,11 +22,8 @@ from identify.joint.noise_spectrum import noise_spectrum
 from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.joint.priors import Alignment, Prior, Setting, indices
 from identify.joint.single_run import gyro_noise, prepared, start_bias, start_up
-from identify.judge.evidence import Base, FittedLines, spectrum
-from identify.judge.findings import Finding, signed
-from identify.results.declaration import ResidualCause
+from identify.judge.evidence import Base, FittedLines
 from identify.rigid_body.rotation import exponential
-from identify.rounding import significant
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
 from identify.sums.row_products import products, solution
@@ -46,11 +42,6 @@ OVER_BAND = 1.2
 """Highest frequency that is compared, over the motion's.
 
 Choice: smoothers pass it whole; above, derivatives of the motion hold the gyro's noise.
-"""
-DIFFERENT = 1e-6
-"""Chance of as large a difference of ordinary least squares below which it counts.
-
-Chance: far below that of the named causes (1e-4), since the covariance counts as known and is from few lines.
 """
 
 
@@ -238,35 +229,3 @@ def tensor_change(
         normal += weight * products(rows, rows)
         right += weight * products(rows, moment)
     return solution(normal, right)
-
-
-def least_squares_cause(apart: EstimateDifference, run: str) -> ResidualCause:
-    """Return the difference as a finding on a run."""
-    component, value, expected = apart.largest
-    return Finding.LEAST_SQUARES.cause(
-        run, axis="", share=0.0, difference=signed(value), component=component, expected=significant(expected, 2)
-    )
-
-
-def least_squares_difference(fit: RunFit, base: Base, no_news: np.ndarray) -> EstimateDifference:
-    """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
-
-    Args:
-        fit: the run at its best.
-        base: its unknowns, and what else is declared; of this run alone.
-        no_news: standard deviation of a difference of each component that would not matter, (6,) [kg·m²].
-    """
-    at, back, residuals = fit.prediction, np.linalg.inv(fit.lines.whitener), base.residuals[0]
-    about_cg = np.eye(3)
-    if at.force_from != "none":
-        about_cg = np.hstack([-np.cross(np.eye(3), at.x["r_cg"]).T, about_cg])  # M - r × F of a wrench
-    moved = np.zeros((*at.regressor.shape[:1], 6, 6))
-    moved[:, 3:] = at.regressor - at.regressor.mean(axis=0)
-    rows = back @ fit.transformed(moved)
-    inverse = np.linalg.inv(products(rows, rows))
-    gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
-    value = np.einsum("miq,mi->q", gain, residuals)
-    noise = gain * np.sqrt(spectrum(residuals, 1 - base.leverage[0]))[:, :, None]
-    taken = products(gain, gain) - products(gain, base.beside([gain]).remaining[0])
-    values, vectors = np.linalg.eigh(products(noise, noise) - taken)
-    return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(no_news**2))

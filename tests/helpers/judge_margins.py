@@ -9,26 +9,29 @@ import argparse
 
 import numpy as np
 
-from identify.judge import causes, judged_result, resonance
+from identify.judge import causes, judged_result
 from identify.judge.conventions import (
     axis_hypotheses,
+    examined_run,
     free_rotation,
     imu_conventions,
     removed_weight,
-    wrench_findings,
-    wrench_units,
 )
 from identify.judge.conventions.convention_fit import (
     FORCE,
     MOMENT,
     MOMENT_TERMS,
+    DeclaredRig,
     ImuSignal,
     WrenchSignal,
     convention_sums,
 )
+from identify.judge.conventions.findings.mass import MASS_TOLERANCE
 from identify.judge.findings import MATTERS
 from identify.judge.judged_fits import lasting
-from identify.judge.run_fit import DIFFERENT, least_squares_difference
+from identify.judge.run_findings import resonance
+from identify.judge.run_findings.least_squares import DIFFERENT, least_squares_difference
+from identify.judge.run_findings.unexplained import UNEXPLAINED
 from identify.signals.power_spectrum import welch
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_mechanics import GRAVITY
@@ -41,7 +44,7 @@ LIMITS = {
     "specific force without a lever's, in parts": ("≥", imu_conventions.WITHOUT_GRAVITY),
     "log Bayes factor of the best cause": ("≤", causes.LIKELY),
     "chance of the best cause": ("≥", causes.CHANCE),
-    "residuals in the band over those above": ("≤", judged_result.UNEXPLAINED),
+    "residuals in the band over those above": ("≤", UNEXPLAINED),
     "chance of least squares' difference": ("≥", DIFFERENT),
     "part of what lies above the motion's band in one peak": ("≤", resonance.MOST),
     "chi-square of other axes, less that as declared": ("≥", -axis_hypotheses.DECISIVE),
@@ -49,9 +52,9 @@ LIMITS = {
     "small turn, deg": ("≤", float(np.degrees(free_rotation.LEAST_TURN))),
     "force that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
     "moment that no rigid body explains, in parts": ("≤", free_rotation.NOT_RIGID),
-    "chi-square of another point": ("≤", wrench_findings.CERTAIN_SHIFT),
-    "distance to another point, m": ("≤", wrench_findings.LEAST_SHIFT),
-    "departure of the force from the weight, in parts": ("≤", wrench_units.MASS_TOLERANCE),
+    "chi-square of another point": ("≤", free_rotation.CERTAIN_SHIFT),
+    "distance to another point, m": ("≤", examined_run.LEAST_SHIFT),
+    "departure of the force from the weight, in parts": ("≤", MASS_TOLERANCE),
     "likeness of force and specific force": ("≥", removed_weight.ALIKE),
 }
 """On which side of a limit clean runs should stay, and the limit."""
@@ -112,9 +115,9 @@ def _of_conventions(measured):
     turn, chi_square, _ = axis_hypotheses.misalignment(sums, narrow)
     parts = [np.sqrt(variance / sums.changes(columns))
              for columns, variance in ((FORCE, given.force), (MOMENT, given.moment))]  # fmt: skip
-    declared = wrench_findings.DeclaredRig(mass=measured.mass, r_cg=measured.r_cg, sigma_r_cg=np.full(3, 1.5e-4))
-    examination = wrench_findings.Examination(sums, declared, "", "")
-    shift, chi_square_of_shift = examination._shift(sums)
+    declared = DeclaredRig(mass=measured.mass, r_cg=measured.r_cg, sigma_r_cg=np.full(3, 1.5e-4))
+    examination = examined_run.ExaminedRun(sums, declared, "", "")
+    shift, chi_square_of_shift = examination.shift(sums)
     weight = removed_weight.apparent_mass(sums, measured.mass)
     force, specific = sums.mean(slice(0, 3)), sums.mean(slice(6, 9))
     return (

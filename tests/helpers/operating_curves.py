@@ -7,9 +7,11 @@ where that is no measure, the sizes stand in :data:`CURVES`. Cells that the file
 
     python -m tests.helpers.operating_curves --runs 3 --clean 40 --write    # 10 minutes of processor time
     python -m tests.helpers.operating_curves --write                        # 20 runs a size, 200 clean ones
+    python -m tests.helpers.operating_curves --texts                        # seconds, after a change of a finding
 
-``--write`` puts the figures into docs/explanation/findings.csv and into the table of findings in
-docs/explanation/troubles.md, whose texts are those of :class:`identify.judge.findings.Finding`.
+``--write`` puts the figures into docs/explanation/findings.csv, and into table and pages of findings in
+docs/explanation/troubles.md and docs/explanation/findings, whose texts are those of the findings' files. ``--texts``
+renews these alone.
 """
 
 import argparse
@@ -26,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.errors.error_model import CauseWords
+from identify.errors.error_model import CauseWords, place_in_docs
 from identify.errors.registry import ERRORS
-from identify.judge.findings import Finding
+from identify.judge.finding_pages import FindingPage, all_findings
 from identify.rounding import significant
 from tests.helpers.laboratory import FINE, Measured, measure
 from tests.helpers.laboratory_mechanics import base_angles, base_motion
@@ -36,7 +38,7 @@ from tests.helpers.trouble_study import CLEAN, FIRST, begin, rows_in, said
 from tests.helpers.troubles import TROUBLES, size_for
 
 DOCS = Path(__file__).parents[2] / "docs" / "explanation"
-FIGURES, PAGE = DOCS / "findings.csv", DOCS / "troubles.md"
+FIGURES, PAGE, PAGES = DOCS / "findings.csv", DOCS / "troubles.md", DOCS / "findings"
 BEGIN, END = "<!-- written by python -m tests.helpers.operating_curves --write -->\n", "<!-- end of the findings -->\n"
 SHIFTS = (1.0, 3.0, 10.0, 30.0)
 """Shifts of plain least squares that an error of the rig makes [standard uncertainties]."""
@@ -283,42 +285,89 @@ def page_with_findings() -> str:
     """The page of troubles with its table of findings as they and their figures are now."""
     page = PAGE.read_text("utf-8")
     head, rest = page.split(BEGIN)
-    with FIGURES.open(encoding="utf-8", newline="") as file:
-        figures = {row["finding"]: row for row in csv.DictReader(file)}
-    labels = dict.fromkeys(words.label for words in messages())
-    rows = [_row(label, figures.get(label)) for label in labels]
+    figures, pages = _figures(), {finding.label: finding for finding in all_findings()}
+    labels = dict.fromkeys([*(cause.label for cause in causes()), *pages])
+    rows = [_row(label, pages.get(label), figures.get(label)) for label in labels]
     titles = (
         "| finding | what it looks like | cure | false alarms | error, sizes | named, % |\n|---|---|---|---|---|---|\n"
     )
     return head + BEGIN + titles + "".join(rows) + END + rest.split(END)[1]
 
 
-def messages() -> list[CauseWords | Finding]:
-    """Return the words of all that the judge may name."""
-    return [*(error.words for error in ERRORS.values() if error.label), *Finding]
+def causes() -> list[CauseWords]:
+    """Return the words of all errors that the judge may name."""
+    return [error.words for error in ERRORS.values() if error.label]
 
 
-def _row(label: str, figures: dict[str, str] | None) -> str:
+def _figures() -> dict[str, dict[str, str]]:
+    with FIGURES.open(encoding="utf-8", newline="") as file:
+        return {row["finding"]: row for row in csv.DictReader(file)}
+
+
+def _row(label: str, page: FindingPage | None, figures: dict[str, str] | None) -> str:
     """A line of the table, with the anchor to which messages lead."""
-    variants = [words for words in messages() if words.label == label]
-    looks, cures = ("; or ".join(dict.fromkeys(map(words, variants))) for words in (_looks, _cure))
-    cells = ["–", "–", "–"]
-    if figures:
-        alarms = f"{figures['false alarms']} of {figures['clean runs']}"
-        cells = [alarms, ": ".join(filter(None, (figures["error"], figures["sizes"]))), figures["named [%]"]]
-    anchor = variants[0].docs.partition("#")[2]
-    return f'| <a id="{anchor}"></a>`{label}` | {" | ".join([looks, cures or "–", *cells])} |\n'
+    same = [cause for cause in causes() if cause.label == label]
+    looks, cures = (dict.fromkeys(map(words, same)) for words in (_looks, _cure))
+    if page:
+        looks, cures = ({**texts, _clause(text): None} for texts, text in ((looks, page.summary), (cures, page.cure)))
+    cells = [_alarms(figures), _error(figures), figures["named [%]"]] if figures else ["–", "–", "–"]
+    anchor = place_in_docs(label).partition("#")[2]
+    name = f"[`{label}`](findings/{anchor}.md)" if page else f"`{label}`"
+    return f'| <a id="{anchor}"></a>{name} | {" | ".join(["; or ".join(looks), "; or ".join(cures), *cells])} |\n'
 
 
-def _looks(finding: CauseWords | Finding) -> str:
-    if finding.pattern == "{}":
-        text = finding.write_size(np.full(2, 3e-5), np.full(2, 1e-6))
+def _clause(sentence: str) -> str:
+    return (sentence[0].lower() + sentence[1:]).rstrip(".")
+
+
+def _alarms(figures: dict[str, str]) -> str:
+    return f"{figures['false alarms']} of {figures['clean runs']}"
+
+
+def _error(figures: dict[str, str]) -> str:
+    return ": ".join(filter(None, (figures["error"], figures["sizes"])))
+
+
+def _looks(cause: CauseWords) -> str:
+    if cause.pattern == "{}":
+        text = cause.write_size(np.full(2, 3e-5), np.full(2, 1e-6))
         return re.sub(r"\(?\d[^a-zA-Z]*", "… ", text)
-    return re.sub(r"\{[^}]*\}", "…", finding.pattern)
+    return re.sub(r"\{[^}]*\}", "…", cause.pattern)
 
 
-def _cure(finding: CauseWords | Finding) -> str:
-    return re.sub(r"\{[^}]*\}", "…", finding.cure) if finding.cure != "{lines}" else "the line that the message has"
+def _cure(cause: CauseWords) -> str:
+    return re.sub(r"\{[^}]*\}", "…", cause.cure)
+
+
+def pages() -> dict[Path, str]:
+    """A page for each finding: the docstring of its file, what its variants print, and its operating curves."""
+    return {PAGES / f"{finding.label.replace(' ', '-')}.md": _page(finding) for finding in all_findings()}
+
+
+def _page(finding: FindingPage) -> str:
+    """The page of a finding."""
+    printed = "".join(f"\n```text\n{line}\n```\n" for line in finding.printed)
+    curves = [row for label, row in _figures().items() if finding.label in (label, CURVES[label].label)]
+    how_often = "No error of the simulated laboratory shows in this finding." if not curves else (
+        "| error, sizes | false alarms in clean runs | named, % |\n|---|---|---|"
+        + "".join(f"\n| {_error(row)} | {_alarms(row)} | {row['named [%]']} |" for row in curves)
+    )  # fmt: skip
+    return (
+        f"# `{finding.label}`\n\n*What does this finding mean, and what do I do?*\n\n{finding.text}\n\n## What is printed\n"
+        f"{printed}\n## How often it is named\n\n{how_often}\n\nOf runs of a simulated laboratory: [all figures](../findings.csv). "
+        "All findings: [when the rig errs](../troubles.md#"
+        "what-a-result-can-name).\n"
+    )
+
+
+def write_texts() -> None:
+    """Write the table and the pages of findings as their files and figures are now."""
+    PAGE.write_text(page_with_findings(), "utf-8")
+    PAGES.mkdir(exist_ok=True)
+    for path in set(PAGES.glob("*.md")) - set(pages()):
+        path.unlink()
+    for path, text in pages().items():
+        path.write_text(text, "utf-8")
 
 
 def main(arguments=None):
@@ -326,8 +375,12 @@ def main(arguments=None):
     parser.add_argument("--runs", type=int, default=20, help="of each size of an error")
     parser.add_argument("--clean", type=int, default=200, help="clean runs by each judge")
     parser.add_argument("--out", default="out/operating-curves.jsonl")
-    parser.add_argument("--write", action="store_true", help="renew findings.csv and the table in troubles.md")
+    parser.add_argument("--write", action="store_true", help="renew findings.csv, and table and pages of findings")
+    parser.add_argument("--texts", action="store_true", help="renew the texts of table and pages, and stop")
     asked = parser.parse_args(arguments)
+    if asked.texts:
+        write_texts()
+        return
     begin()
     rows = run_cells(cells(asked.runs, asked.clean), Path(asked.out))
     lines = [HEAD, *table(rows)]
@@ -336,7 +389,7 @@ def main(arguments=None):
     if asked.write:
         with FIGURES.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(lines)
-        PAGE.write_text(page_with_findings(), "utf-8")
+        write_texts()
 
 
 if __name__ == "__main__":

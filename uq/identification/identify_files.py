@@ -13,7 +13,7 @@ from identify.estimators.offsets import rest_of
 from identify.exceptions import explains_names
 from identify.identification import identify
 from identify.joint.priors import Alignment
-from identify.judge.findings import Finding
+from identify.judge.run_findings.repeatability import RunsScatter
 from identify.methods.source import ALIGNED, NO_OFFSETS
 from identify.results.covariances import check_covariances
 from identify.results.declaration import ResidualCause
@@ -237,9 +237,8 @@ def _alignment(experiment: Experiment) -> Alignment:
 
 def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     worst = int(np.argmin(np.where(repeats.sign > 0, repeats.probability, np.inf)))
-    return Finding.REPEATABILITY.verdict(
-        "", axis=COMPONENTS[worst], share=float(repeats.ratio[worst]), text=repeats.text
-    )
+    scatter = RunsScatter(topic="", comparison=repeats.text)
+    return scatter.verdict(axis=COMPONENTS[worst], share=float(repeats.ratio[worst]))
 
 
 def _prepared(

@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 
 from identify.judge.conventions.convention_fit import DeclaredRig
-from identify.judge.conventions.free_rotation import axes_text
-from identify.judge.conventions.gravity_findings import gravity_text
+from identify.judge.conventions.findings.gravity import gravity_entry
+from identify.judge.conventions.findings.sign import DOWNWARDS, SignReading
 from identify.judge.conventions.pose_findings import PoseReading, axis_findings, pose_findings, unit_findings
-from identify.judge.conventions.wrench_findings import DOWNWARDS, SignReading
-from identify.judge.findings import Contradiction
+from identify.judge.cure import Cure, Entries, written
+from identify.judge.findings import Finding
 from identify.rounding import fixed, significant
 from identify.signals.run import Run, RunError, refuse_excess
 from identify.signals.segments import still
@@ -91,7 +91,7 @@ class _Wrenches:
     """Names of the poses in messages: ``pose 7``, and when it was held."""
     measured: bool
     """Whether an accelerometer tells the attitudes."""
-    findings: Sequence[Contradiction] = ()
+    findings: Sequence[Finding] = ()
     """Contradictions of the declared attitudes by the forces, each with its cure."""
 
 
@@ -174,7 +174,7 @@ def _without(wrenches: _Wrenches, numbers: Sequence[int], name: str) -> _Wrenche
     return replace(wrenches, used=wrenches.used & ~left_out, notes=(*wrenches.notes, *notes))
 
 
-def _texts(findings: Sequence[Contradiction]) -> tuple[str, ...]:
+def _texts(findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(f"suspicious {finding.topic}: {finding.text}" for finding in findings)
 
 
@@ -184,12 +184,12 @@ def _declared_rig(experiment: Experiment, wrenches: _Wrenches) -> DeclaredRig:
     return rig if experiment.scale is None else replace(rig, mass=experiment.scale[0])
 
 
-def _axes(wrenches: _Wrenches, experiment: Experiment, rig: DeclaredRig, name: str) -> list[Contradiction]:
+def _axes(wrenches: _Wrenches, experiment: Experiment, rig: DeclaredRig, name: str) -> list[Finding]:
     """Contradictions of axes and signs; of a wrench that the attitude turned back only those of signs."""
     signals = (wrenches.force, wrenches.moment, wrenches.lean.specific_force)
     used = PoseSignals(*(values[wrenches.used] for values in signals))
     found = axis_findings(used, rig, _upside_down(wrenches, experiment), name)
-    return [finding for finding in found if finding.kind == "sign" or not experiment.recording.turns_back]
+    return [finding for finding in found if finding.label == "sign" or not experiment.recording.turns_back]
 
 
 def _upside_down(wrenches: _Wrenches, experiment: Experiment) -> SignReading:
@@ -198,8 +198,8 @@ def _upside_down(wrenches: _Wrenches, experiment: Experiment) -> SignReading:
         return DOWNWARDS
     if experiment.poses is not None and experiment.poses.attitude == "gravity":
         return SignReading("the vectors of gravity point up", "the other sign in their columns")
-    gravity = gravity_text(-experiment.recording.gravity_of_poses(experiment.gravity))
-    return SignReading("gravity is upside down", f"urdf_gravity = [{gravity}]")
+    gravity = -experiment.recording.gravity_of_poses(experiment.gravity)
+    return SignReading("gravity is upside down", gravity_entry(gravity))
 
 
 def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
@@ -207,10 +207,11 @@ def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
     turn = attitude_turn(wrenches.force[wrenches.used], wrenches.lean.specific_force[wrenches.used])
     if turn is None or float(np.linalg.norm(turn.vector)) < 3 * poses.sigma_alignment:
         return ()
-    cure = axes_text(turn.matrix @ wrenches.rig.imu_rotation)
+    rotation = Entries({"imu_rotation_to_body": turn.matrix @ wrenches.rig.imu_rotation})
+    cure = Cure(choices=[rotation], then=", or correct wrench_rotation_to_body, or declare sigma_alignment")
     return (
-        f"the forces fit the attitudes only with a turn of the attitudes' axes into the load cell's by {turn}: set "
-        f"imu_rotation_to_body = {cure} in [recording], or correct wrench_rotation_to_body, or declare sigma_alignment",
+        f"the forces fit the attitudes only with a turn of the attitudes' axes into the load cell's by {turn}: "
+        f"{written(cure)}",
     )
 
 
@@ -259,7 +260,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
             f"the attitude changes from row to row of {name}: its rows are samples of a motion, not poses. Write how "
             'many there are a second in [poses], such as rate = "125 Hz": then each still segment is a pose'
         )
-    findings: Sequence[Contradiction] = ()
+    findings: Sequence[Finding] = ()
     if to_rest is not None:
         along = rig.wrench(bag.wrench)[0]
         findings = pose_findings(along, pose_readings(attitude, experiment, rig.imu_rotation, name), name)
@@ -410,8 +411,8 @@ class _Choice(NamedTuple):
     value: Any
     words: str = ""
     """Difference from the reading that is declared; empty: there is none."""
-    key: str = ""
-    """The key that declares the value."""
+    settings: Sequence[Entries] = ()
+    """Keys that declare the value."""
 
 
 def pose_readings(
@@ -431,12 +432,12 @@ def pose_readings(
     gravity = experiment.gravity / np.linalg.norm(gravity) * gravity
     # of each choice, what is declared comes first
     other = OTHER[str(poses.takes)]
-    directions = [_Choice(str(poses.takes)), _Choice(other, "taken the other way", f'takes = "{other}" in [poses]')]
-    along = "urdf_gravity = [{gravity}] in [recording]"
-    downs = [_Choice(gravity), _Choice(None, "with gravity along other axes", along)]
+    takes = Entries({"takes": other}, table="poses")
+    directions = [_Choice(str(poses.takes)), _Choice(other, "taken the other way", [takes])]
+    downs = [_Choice(gravity), _Choice(None, "with gravity along other axes")]
     turns, rests = (
-        _Choice(False, "with the wrench along axes that turn", 'wrench_frame = "sensor" in [recording]'),
-        _Choice(True, "with the wrench along axes at rest", 'wrench_frame = "base" in [recording]'),
+        _Choice(False, "with the wrench along axes that turn", [Entries({"wrench_frame": "sensor"})]),
+        _Choice(True, "with the wrench along axes at rest", [Entries({"wrench_frame": "base"})]),
     )
     frames = (_Choice(True), turns) if recording.turns_back else (_Choice(False), rests)
     readings = []
@@ -452,7 +453,7 @@ def pose_readings(
         readings.append(
             PoseReading(
                 how=" and ".join(choice.words for choice in changed),
-                cure="set " + " and ".join(choice.key for choice in changed),
+                settings=[entries for choice in changed for entries in choice.settings],
                 to_rest=to_rest @ to_body.T, at_rest=frame.value, gravity=down.value, changes=len(changed),
             )
         )  # fmt: skip
@@ -466,11 +467,11 @@ def _orders(poses: Poses) -> Iterator[_Choice]:
     yield _Choice((poses, declared))
     if poses.quaternion is not None:  # w stands first where others have it last
         for order in ([3, 0, 1, 2], [1, 2, 3, 0]):
-            by_component = ", ".join(f'{name} = "{columns[k]}"' for name, k in zip("wxyz", order, strict=True))
-            cure = f"quaternion = {{ {by_component} }} in [poses]"
-            yield _Choice((poses, order), "with the quaternion's components in another order", cure)
+            by_component = {name: columns[k] for name, k in zip("wxyz", order, strict=True)}
+            fields = Entries({"quaternion": by_component}, table="poses")
+            yield _Choice((poses, order), "with the quaternion's components in another order", [fields])
     if poses.euler is not None:
         for axes in sorted({*CONVENTIONS.values(), "zyx"} - {str(poses.euler_convention)}):
-            cure = f'euler_convention = "{axes}" in [poses]'
+            convention = Entries({"euler_convention": axes}, table="poses")
             other = msgspec.structs.replace(poses, euler_convention=axes)
-            yield _Choice((other, declared), f"with angles about {axes}", cure)
+            yield _Choice((other, declared), f"with angles about {axes}", [convention])

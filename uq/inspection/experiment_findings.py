@@ -6,18 +6,17 @@ from typing import Any
 import numpy as np
 
 from identify.judge.conventions.attitude_findings import attitude_findings
-from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.findings.clock import clock_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
-from identify.judge.conventions.imu_conventions import imu_findings
-from identify.judge.conventions.wrench_findings import wrench_findings
-from identify.judge.findings import Contradiction
+from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
+from identify.judge.findings import Finding
 from identify.signals.run import Run
 from identify.static.centre_result import Centre
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
 from uq.files.units import scale
-from uq.inspection.imported_run import cured_in_map
+from uq.inspection.topic_finding import topic_finding
 from uq.sources.constant_errors import declared_sigma
 
 
@@ -33,11 +32,11 @@ def experiment_findings(
         turn_free: whether the estimate finds a small turn of the IMU by itself: no news within ``sigma_rotation``. A
             turn within a declared misalignment is none anyway.
     """
-    found = _contradictions(run, experiment, undone=undone, turn_free=turn_free)
-    return [TopicFinding(*contradiction) for contradiction in found]
+    findings = _contradictions(run, experiment, undone=undone, turn_free=turn_free)
+    return [topic_finding(finding, imported=bool(run.about.get("imported"))) for finding in findings]
 
 
-def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Contradiction]:
+def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Finding]:
     longest = run.longest_segment
     usable = slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES))
     time = run.t[usable]
@@ -58,8 +57,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     if run.specific_force is None:
         has_gravity = attitude is not None and attitude.gravity is not None
         return run_gravity(wrench, imu, attitude, rig, run.name).findings if has_gravity else []
-    from_imu = list(imu_findings(imu, run.name))
-    if any(finding.kind == "axes" for finding in from_imu):
+    from_imu = imu_findings(imu, run.name)
+    if any(finding.label == "axes" for finding in from_imu):
         return from_imu
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     return [*from_imu, *together]
@@ -138,5 +137,4 @@ def convention_warnings(
         rid = replace(run, force=run.force - zero.force_offset, moment=run.moment - zero.moment_offset)
         still = {finding.kind for finding in experiment_findings(rid, experiment, undone=True, turn_free=turn_free)}
         findings = [finding for finding in findings if {finding.kind} & still]
-    findings = list(map(cured_in_map, findings)) if run.about.get("imported") else findings
     return tuple(f"suspicious {replace(finding, topic=run.name)}" for finding in findings)

@@ -6,19 +6,20 @@ Without an experiment nothing here imports JAX: ``inertia inspect`` starts at on
 import contextlib
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identify.judge.conventions.clock_findings import clock_findings
 from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
-from identify.judge.conventions.imu_conventions import imu_findings
-from identify.judge.conventions.wrench_findings import wrench_findings
+from identify.judge.conventions.findings.clock import clock_findings
+from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
+from identify.judge.findings import Finding
 from rig.channels import ImuChannel, WrenchChannel, stamps_early
 from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding
 from rig.inspection.inspect import Inspection, inspect
-from uq.inspection.imported_run import cured_in_map
+from uq.inspection.topic_finding import topic_finding
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
@@ -40,7 +41,12 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         OSError: it cannot be opened.
     """
     if experiment is None:
-        return _cured(inspect(path, judge=_without_experiment))
+        judged: list[Finding] = []
+        report = inspect(path, judge=partial(_without_experiment, judged))
+        if report.imported:
+            in_map = {topic_finding(part, imported=False): topic_finding(part, imported=True) for part in judged}
+            report.findings = [in_map.get(finding, finding) for finding in report.findings]
+        return report
     from identify.signals.run import RunError
     from uq.files.mistakes import ExperimentError
     from uq.inspection.experiment_findings import experiment_findings
@@ -66,17 +72,16 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
             weighed, undone = undo(run, (), experiment)[0], True
         return [*findings, *experiment_findings(weighed, experiment, undone=undone)]
 
-    return _cured(inspect(path, judge=judge))
+    return inspect(path, judge=judge)
 
 
-def _cured(report: Inspection) -> Inspection:
-    if report.imported:
-        report.findings = list(map(cured_in_map, report.findings))
-    return report
+def _without_experiment(
+    judged: list[Finding], channels: Sequence[SensorChannel], findings: list[TopicFinding]
+) -> list[TopicFinding]:
+    """Findings on the signals alone: each IMU, and wrench and motion where neither is faulty otherwise.
 
-
-def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
-    """Findings on the signals alone: each IMU, and wrench and motion where neither is faulty otherwise."""
+    Those of mechanics are appended to ``judged``.
+    """
     channels = [channel.taken(slice(MOST_SAMPLES)) for channel in channels]
     imus = [channel for channel in channels if isinstance(channel, ImuChannel)]
     wrenches = [channel for channel in channels if isinstance(channel, WrenchChannel)]
@@ -85,9 +90,9 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
     wild = {finding.topic for finding in findings if finding.kind in ("not finite", "excess")}
     for imu in imus:
         if len(imu.stamp) >= LEAST_SAMPLES and imu.topic not in wild:  # of such values nothing can be computed
-            findings += [
-                TopicFinding(*contradiction) for contradiction in imu_findings(_imu_signal(imu, origin), imu.topic)
-            ]
+            by_itself = imu_findings(_imu_signal(imu, origin), imu.topic)
+            judged += by_itself
+            findings += [topic_finding(finding, imported=False) for finding in by_itself]
     topics = [channel.topic for channel in channels]
     findings.sort(key=lambda finding: topics.index(finding.topic))
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
@@ -96,7 +101,8 @@ def _without_experiment(channels: Sequence[SensorChannel], findings: list[TopicF
         together = clock_findings(*signals, stamps_early(wrench, imu), imu.topic) or wrench_findings(
             *signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic
         )
-        findings += [TopicFinding(*contradiction) for contradiction in together]
+        judged += together
+        findings += [topic_finding(finding, imported=False) for finding in together]
     return findings
 
 

@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.convention_fit import DeclaredRig, ImuSignal, Vector
-from identify.judge.conventions.euler_rates import rates_of_attitude
-from identify.judge.conventions.free_rotation import axes_text
-from identify.judge.findings import Contradiction, Finding
+from identify.judge.conventions.findings.attitude import QuaternionFields
+from identify.judge.conventions.findings.euler_rates import rates_of_attitude
+from identify.judge.conventions.findings.turned import RateAxes
+from identify.judge.conventions.findings.unit import RateUnit
+from identify.judge.cure import Entries
+from identify.judge.findings import Finding
 from identify.rigid_body.rotation import closest_rotation, from_quaternions, quaternions, rotation_vectors, signed_order
-from identify.rounding import fixed, significant
 
 ORDERS = ("x, y, z, w", "-x, -y, -z, w", "w, x, y, z", "w, -x, -y, -z")
 """Meanings of a quaternion's fields x, y, z, w: as they are named, the other way, and with the scalar first."""
@@ -76,12 +78,12 @@ def read_as(to_rest: Rotations, order: str, declared: DeclaredRig) -> Rotations:
     return np.asarray(from_quaternions(np.roll(scalar_last, 1, axis=1)) @ to_body.T)
 
 
-def order_cure(order: str, declared: DeclaredRig) -> str:
-    """Return the line that declares an order of the quaternion's fields."""
-    return f"set quaternion = {axes_text(declared.quaternion @ signed_order(order, 'xyzw'))} in [recording]"
+def order_entry(order: str, declared: DeclaredRig) -> Entries:
+    """Return the key that declares an order of the quaternion's fields."""
+    return Entries({"quaternion": declared.quaternion @ signed_order(order, "xyzw")})
 
 
-def attitude_findings(imu: ImuSignal, to_rest: Rotations, declared: DeclaredRig, topic: str) -> list[Contradiction]:
+def attitude_findings(imu: ImuSignal, to_rest: Rotations, declared: DeclaredRig, topic: str) -> list[Finding]:
     """Return the findings on attitude and angular velocity of a sensor; none where they tell the same, or nothing.
 
     Args:
@@ -102,17 +104,16 @@ def attitude_findings(imu: ImuSignal, to_rest: Rotations, declared: DeclaredRig,
         return rates
     if best.correlation < FITS:
         return []
-    findings = []
+    findings: list[Finding] = []
     if best.correlation > as_read.correlation + BETTER:
-        findings.append(Finding.QUATERNION_ORDER.on(topic, order=order, lines=order_cure(order, declared)))
+        findings.append(QuaternionFields(topic=topic, order=order, settings=order_entry(order, declared)))
     else:
         best = as_read
     if abs(np.log(best.scale)) > np.log(LEAST_SCALE):
         unit = min(RATES, key=lambda name: abs(np.log(best.scale * declared.rate_unit / RATES[name])))
-        findings.append(Finding.RATE_UNIT.on(topic, ratio=significant(best.scale, 3), unit=unit))
+        findings.append(RateUnit(topic=topic, ratio=best.scale, unit=unit))
     if best.angle > LEAST_ANGLE:
-        about = ", ".join(fixed(part, 2) for part in best.turn / best.angle)
-        findings.append(Finding.RATE_AXES.on(topic, angle=fixed(np.degrees(best.angle), 1), about=about))
+        findings.append(RateAxes(topic=topic, vector=best.turn))
     return findings
 
 

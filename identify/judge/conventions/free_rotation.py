@@ -39,11 +39,9 @@ from identify.judge.conventions.convention_fit import (
     Terms,
     Vector,
 )
-from identify.judge.findings import Contradiction, Finding
-from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential, rotation_vectors
-from identify.rounding import fixed, significant, with_uncertainty
+from identify.rounding import fixed, with_uncertainty
 
 Packed = Float[np.ndarray, "6"]
 BETWEEN = np.radians(35.0)
@@ -232,21 +230,16 @@ def _white(sums: ConventionSums, columns: slice) -> float:
     return float(sums.noise[columns.start // 3] ** 2 * sums.white)
 
 
-def rotation_finding(rotation: FreeRotation, topic: str, cure: str, doubt: str = "") -> Contradiction:
-    """Return the finding: angle with its 95 % uncertainty, axis, what is reversed, the cure, what fits as well."""
-    vector = rotation.vector
-    x, y, z = vector / max(float(np.linalg.norm(vector)), 1e-12)
-    angle, u = np.degrees([float(np.linalg.norm(vector)), COVERAGE * rotation.standard_uncertainty])
-    about = ", ".join(fixed(part, 2) for part in (x, y, z))
-    turn = f"{with_uncertainty(angle, u)} deg about ({about})"
-    if np.array_equal(rotation.reversed.matrix, np.eye(3)):
-        return Finding.TURNED.on(topic, turn=turn, sign="", doubt=doubt, lines=cure)
-    if rotation.reversed.sensor == "wrench":
-        lines = f'wrench = "on_sensor" ("on_body" if that is already set) and {cure}'
-        return Finding.TURNED.on(
-            topic, turn=turn, sign=", and force and moment have the reversed sign", doubt=doubt, lines=lines
-        )
-    return Finding.IMU_MIRRORED_AND_TURNED.on(topic, turn=turn)
+def turn_text(vector: Vector, u: float) -> str:
+    """Return a rotation vector [rad] as angle, with its 95 % uncertainty, and axis.
+
+    Args:
+        vector: the rotation vector [rad].
+        u: standard uncertainty of the angle [rad].
+    """
+    size = float(np.linalg.norm(vector))
+    about = ", ".join(fixed(part, 2) for part in vector / max(size, 1e-12))
+    return f"{with_uncertainty(*np.degrees([size, COVERAGE * u]))} deg about ({about})"
 
 
 def small_turn_text(turn: Vector, covariance: Matrix) -> str:
@@ -254,23 +247,6 @@ def small_turn_text(turn: Vector, covariance: Matrix) -> str:
     u = COVERAGE * np.sqrt(np.diag(covariance))
     parts = ", ".join(with_uncertainty(x, half) for x, half in np.degrees([turn, u]).T)
     return f"({parts}) deg about x, y, z"
-
-
-def rivals_text(imu: str, wrench: str, as_imu: Packed, as_wrench: Packed) -> str:
-    """Return the lines that undo the rotation of either sensor, with what each does to the tensor.
-
-    Args:
-        imu: line that turns the IMU back.
-        wrench: line that turns the load cell back.
-        as_imu: packed tensor with the first line [kg·m²].
-        as_wrench: packed tensor with the second line [kg·m²].
-    """
-    k = int(np.argmax(np.abs(as_imu - as_wrench)))
-    first, second = (f"{significant(GRAM_METRE * tensor[k], 3)} g·m²" for tensor in (as_imu, as_wrench))
-    return (
-        f"one of two lines that fit the run equally: {imu} if the IMU is the rotated sensor ({COMPONENTS[k]} is then "
-        f"about {first}), or {wrench} if the load cell is ({COMPONENTS[k]} is then about {second}),"
-    )
 
 
 def tensor_about_centre(sums: ConventionSums, r_cg: Vector | None) -> Packed:
@@ -286,11 +262,3 @@ def tensor_about_centre(sums: ConventionSums, r_cg: Vector | None) -> Packed:
     about[MOMENT, FORCE] = -cross_matrix(r_cg)
     moved = replace(sums, gram=about @ sums.gram @ about.T)
     return convention_fit.solve(moved, MOMENT_TERMS[INERTIA_AT.start :], MOMENT, variance=1.0).values[:6]
-
-
-def axes_text(matrix: Float[np.ndarray, "n n"]) -> str:
-    """Return a signed permutation as ``"-y, z, x"``, any other matrix as rows of numbers with five decimals."""
-    if np.allclose(np.abs(matrix).max(axis=1), 1, atol=1e-9):
-        columns = np.abs(matrix).argmax(axis=1)
-        return '"' + ", ".join(("-" if matrix[i, j] < 0 else "") + "xyzw"[j] for i, j in enumerate(columns)) + '"'
-    return "[" + ", ".join("[" + ", ".join(f"{x:.5f}" for x in row) + "]" for row in matrix) + "]"

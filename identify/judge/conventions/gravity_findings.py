@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.judge.conventions.attitude_findings import ORDERS, order_cure, read_as
+from identify.judge.conventions.attitude_findings import ORDERS, order_entry, read_as
 from identify.judge.conventions.axis_hypotheses import COSTS, DECISIVE, EQUAL
 from identify.judge.conventions.convention_fit import (
     SMOOTHING,
@@ -29,39 +29,16 @@ from identify.judge.conventions.convention_fit import (
     carried_attitude,
     smoothed,
 )
-from identify.judge.conventions.free_rotation import COVERAGE, axes_text
+from identify.judge.conventions.findings.accelerometer_delay import AccelerometerLags
+from identify.judge.conventions.findings.attitude import AttitudeReadOtherwise
+from identify.judge.conventions.findings.frame import WrenchAtRest, WrenchTurns, ZeroAtRest
+from identify.judge.conventions.findings.gravity import gravity_elsewhere, poses_upside_down
+from identify.judge.conventions.findings.mass import changed_mass
+from identify.judge.conventions.findings.weight import other_payload
 from identify.judge.conventions.posed_force import GravityFit, PosedForce, Rotations
-from identify.judge.conventions.removed_weight import CERTAIN, LEAST_WEIGHT, MASS_OVER_SIGMA
-from identify.judge.findings import Contradiction, Finding
+from identify.judge.conventions.removed_weight import LEAST_WEIGHT, MASS_OVER_SIGMA
+from identify.judge.findings import Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
-from identify.rigid_body.rotation import exponential
-from identify.rounding import fixed, with_uncertainty
-
-LEAST_ANGLE = np.radians(3.0)
-"""Angle between the weight and the declared gravity from which another gravity is named.
-
-Choice: a smaller lean is the estimate's own warning.
-"""
-LEAST_SHARE = 0.1
-"""Part of the mass that the weight must lack or have too much to be named.
-
-Choice: gain and mass together are better.
-"""
-LEAST_YAW = np.radians(3.0)
-"""Turn about the vertical from which the axes of the wrench are not those of the attitude.
-
-Choice: bases are set up to a degree or two.
-"""
-HANDLING = 0.5
-"""Time about the change of a mass that is left to the gripper [s].
-
-Choice: grippers close in less.
-"""
-AXIS = np.radians(0.3)
-"""Angle within which, beside its uncertainty, gravity lies along an axis.
-
-Choice: a plumb line is no better.
-"""
 
 Source = Literal["joints", "poses", "quaternion", "gyro"]
 READINGS = {
@@ -100,7 +77,7 @@ class AttitudeSignal:
 class GravityVerdict:
     """Findings by the weight, and how the signals are to be read after them."""
 
-    findings: list[Contradiction] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     gravity: Vector | None = None
     """Gravity along the axes at rest as the weight shows it [m/s²]; None: as declared."""
     final: bool = False
@@ -158,10 +135,10 @@ class _JudgedForce:
             return GravityVerdict(final=True)
         posed, plain, free = self.posed, self.plain, self.free
         if posed.changes <= 0 or (posed.explained(plain) and posed.excess(plain, free) <= DECISIVE):
-            return self._upside_down()
+            down = None if self.attitude.accelerates else self.attitude.gravity
+            return GravityVerdict([] if down is None else poses_upside_down(plain, down, self.topic))
         if self.attitude.turned_back and posed.excess(posed.fit(zero=False), free) < EQUAL:  # p is the zero
-            text = ", ".join(fixed(value, 1) for value in free.lift)
-            return GravityVerdict([Finding.ZERO_AT_REST.on(self.topic, zero=text)], final=True)
+            return GravityVerdict([ZeroAtRest(topic=self.topic, zero=free.lift)], final=True)
         other, yaw = self._other_frame()
         fits = {"plain": plain, "gravity": free, "sensor": posed.fit(lift=False, turned=True), "frame": other.fit()}
         fits |= {order: self._read_as(order).fit(lift=False) for order in self._orders}
@@ -171,7 +148,8 @@ class _JudgedForce:
             fits |= {"delay": delayed.fit(lift=False)} | ({"late": late.fit(lift=False)} if lag > 0 else {})
         best = min(fits.values(), key=lambda fit: fit.misfit)
         if not posed.explained(best):
-            return self._changed_mass()
+            changed = changed_mass(posed, self.time, self.topic)
+            return GravityVerdict(changed, final=bool(changed))
         scores = {name: posed.excess(fit, best) + COSTS["turned"] * (fit is not plain) for name, fit in fits.items()}
         least = min(scores.values())
         if scores["plain"] < least + DECISIVE:
@@ -182,13 +160,12 @@ class _JudgedForce:
         if "delay" in likely:  # which the estimate finds by itself, or names
             return GravityVerdict()
         if likely[0] == "late":
-            figure = fixed(1e3 * lag, 1)
-            return GravityVerdict([Finding.ACCELEROMETER_DELAYED.on(self.topic, delay=figure)], final=True)
+            return GravityVerdict([AccelerometerLags(topic=self.topic, lag=lag)], final=True)
         if likely[0] == "frame":
             return self._frame(yaw, doubt)
         if likely[0] in self._orders:
-            how, lines = f"with the quaternion's fields read as ({likely[0]})", order_cure(likely[0], self.declared)
-            read = Finding.ATTITUDE_READ_OTHERWISE.on(self.topic, how=how, doubt=doubt, lines=lines)
+            how, settings = f"with the quaternion's fields read as ({likely[0]})", order_entry(likely[0], self.declared)
+            read = AttitudeReadOtherwise(topic=self.topic, how=how, doubt=doubt, settings=[settings])
             return GravityVerdict([read], final=True)
         return self._gravity(free, doubt) if likely[0] == "gravity" else GravityVerdict()
 
@@ -214,65 +191,29 @@ class _JudgedForce:
 
     def _frame(self, yaw: float, doubt: str) -> GravityVerdict:
         if self.attitude.turned_back:
-            return GravityVerdict([Finding.WRENCH_TURNS.on(self.topic, doubt=doubt)], final=True)
-        lines = 'set wrench_frame = "base" in [recording]'
-        if abs(yaw) > LEAST_YAW:
-            turn = exponential(np.array([0.0, 0.0, self._near_right_angle(yaw)]))
-            axes = axes_text(np.round(turn @ self.declared.wrench_rotation, 9))
-            lines = lines.replace("in [rec", f"and wrench_rotation_to_body = {axes} in [rec")
-        if self.attitude.source == "gyro":
-            lines = (
-                "record joint states, poses or a quaternion, which turn it back with wrench_frame = "
-                '"base" in [recording], or the wrench in the sensor\'s frame'
-            )
-        return GravityVerdict([Finding.WRENCH_AT_REST.on(self.topic, doubt=doubt, lines=lines)], final=True)
-
-    def _near_right_angle(self, yaw: float) -> float:
-        right = np.pi / 2 * round(yaw / (np.pi / 2))
-        return float(right if abs(yaw - right) < LEAST_YAW else yaw)
-
-    def _changed_mass(self) -> GravityVerdict:
-        """The body was grasped or put down midway, where that explains what no single body does."""
-        step = self.posed.mass_step()
-        if not self.posed.explained(step):
-            return GravityVerdict()
-        at = float(self.posed.smooth(self.time[:, None])[step.sample, 0])
-        grasped = step.after > step.before
-        option = f"--from {at + HANDLING:.1f}" if grasped else f"--to {at - HANDLING:.1f}"
-        masses = {"before": fixed(step.before, 2), "after": fixed(step.after, 2)}
-        found = Finding.CHANGED_MASS.on(self.topic, time=fixed(at, 1), option=option, **masses)
-        return GravityVerdict([found], final=True)
+            return GravityVerdict([WrenchTurns(topic=self.topic, doubt=doubt)], final=True)
+        recorded, rotation = self.attitude.source != "gyro", self.declared.wrench_rotation
+        at_rest = WrenchAtRest(topic=self.topic, doubt=doubt, attitude_recorded=recorded, yaw=yaw, rotation=rotation)
+        return GravityVerdict([at_rest], final=True)
 
     def _gravity(self, fit: GravityFit, doubt: str) -> GravityVerdict:
         gravity = self.attitude.gravity
         if gravity is None:
             return GravityVerdict()
         size = float(np.linalg.norm(gravity))
-        down = gravity / size
         weight = fit.lift - fit.mass * gravity  # upwards
         determined = self.attitude.accelerates and fit.mass > MASS_OVER_SIGMA * fit.sigma_mass
         mass = fit.mass if determined else self.declared.mass
-        length = float(np.linalg.norm(weight))
-        angle = float(np.arctan2(np.linalg.norm(np.cross(weight, down)), -weight @ down))
-        spread = self._spread(fit, gravity) / max(length, 1e-12)
+        length, weighs = float(np.linalg.norm(weight)), float(-weight @ gravity) / size**2
+        spread = self._spread(fit, gravity)
         if mass is not None and length < LEAST_WEIGHT * mass * size:
-            return self._removed(mass, float(-weight @ down) / size, spread * length / size, doubt)
-        if angle > max(LEAST_ANGLE, CERTAIN * spread) and self.attitude.source != "gyro":
-            shown = along_axis(-weight / length, 3 * spread) * size
-            degrees = with_uncertainty(np.degrees(angle), COVERAGE * np.degrees(spread))
-            lean = Finding.GRAVITY_ELSEWHERE.on(self.topic, angle=degrees, gravity=gravity_text(shown), doubt=doubt)
-            return GravityVerdict([lean], gravity=shown)
+            return self._removed(mass, weighs, spread / size, doubt)
+        lean = gravity_elsewhere(weight, gravity, spread, topic=self.topic, doubt=doubt)
+        if lean is not None and self.attitude.source != "gyro":
+            return GravityVerdict([lean], gravity=lean.gravity)
         if mass is not None and determined:
-            sigma = float(np.hypot(spread * length / size, fit.sigma_mass))
-            return self._removed(mass, float(-weight @ down) / size, sigma, doubt)
+            return self._removed(mass, weighs, float(np.hypot(spread / size, fit.sigma_mass)), doubt)
         return GravityVerdict()
-
-    def _upside_down(self) -> GravityVerdict:
-        """The weight as declared, but for its sign, which only acceleration tells from that of the wrench."""
-        down = self.attitude.gravity
-        if self.attitude.accelerates or down is None or self.plain.mass > -CERTAIN * self.plain.sigma_mass:
-            return GravityVerdict()
-        return GravityVerdict([Finding.POSES_UPSIDE_DOWN.on(self.topic, gravity=gravity_text(-down))])
 
     def _spread(self, fit: GravityFit, declared: Vector) -> float:
         """Standard uncertainty of the weight across its direction, the largest [N]."""
@@ -282,34 +223,7 @@ class _JudgedForce:
         return float(np.sqrt(np.linalg.eigvalsh(change @ covariance @ change.T)[-1]))
 
     def _removed(self, mass: float, weighs: float, sigma: float, doubt: str) -> GravityVerdict:
-        """A part of the weight, or all of it, is missing in the force, or there is too much.
-
-        Args:
-            mass: by the motion, or as declared [kg].
-            weighs: mass whose weight is in the force [kg].
-            sigma: standard uncertainty of their difference [kg].
-            doubt: what explains the force as well.
-        """
-        declared, missing = self.declared, mass - weighs
-        if abs(missing - (0.0 if declared.weighed else declared.removed)) < max(LEAST_SHARE * mass, CERTAIN * sigma):
-            return GravityVerdict()
         if self.attitude.source == "gyro" and weighs < LEAST_WEIGHT * mass:
             return GravityVerdict()  # how the weight was removed is told better where gravity hardly turns
-        removed = missing + declared.removed * declared.weighed
-        amounts = {"weighs": weighs, "mass": mass, "removed": removed}
-        figures = {name: with_uncertainty(value, COVERAGE * sigma) for name, value in amounts.items()}
-        other_payload = Finding.WEIGHT_OF_ANOTHER_PAYLOAD.on(self.topic, doubt=doubt, **figures)
-        return GravityVerdict([other_payload], final=True)
-
-
-def along_axis(down: Vector, spread: float) -> Vector:
-    """The direction, or the axis that it lies along within its uncertainty."""
-    axis = np.zeros(3)
-    k = int(np.argmax(np.abs(down)))
-    axis[k] = np.sign(down[k])
-    return axis if float(np.linalg.norm(np.cross(axis, down))) < np.sin(AXIS + spread) else down
-
-
-def gravity_text(gravity: Vector) -> str:
-    """Return the components of gravity as an experiment file has them."""
-    return ", ".join(f'"{value:.3f} m/s^2"' for value in np.round(gravity, 3) + 0.0)
+        other = other_payload(self.declared, self.topic, mass=mass, weighs=weighs, sigma=sigma, doubt=doubt)
+        return GravityVerdict(other, final=bool(other))

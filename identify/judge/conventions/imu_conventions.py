@@ -1,18 +1,14 @@
-"""Findings on units and axes of an IMU by itself: gravity must turn in the body as the gyro says, dg/dt = -ω × g.
+"""Units and axes of an IMU by itself: gravity must turn in the body as the gyro says, dg/dt = -ω × g.
 
 Judged only where the accelerometer shows gravity and little else: not in free fall, where the specific force is that of
 the IMU's lever from a centre that falls.
 """
-
-from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import signed_axes
 from identify.judge.conventions.convention_fit import ImuSignal
-from identify.judge.conventions.free_rotation import axes_text
-from identify.judge.findings import Contradiction, Finding
 from identify.rigid_body import regressor
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES
@@ -85,18 +81,6 @@ SMOOTHED = 0.01
 
 Choice: a throw lasts half a second.
 """
-
-
-def imu_findings(imu: ImuSignal, topic: str) -> Iterator[Contradiction]:
-    """Findings on an IMU's units and axes from its signals alone, each with the line that cures it."""
-    wrong = wrong_units(imu)
-    if "g" in wrong:
-        yield Finding.ACCELERATION_IN_G.on(topic, median=wrong["g"])
-    if "deg/s" in wrong:
-        yield Finding.GYRO_IN_DEGREES.on(topic, ratio=wrong["deg/s"])
-    axes = accelerometer_axes(imu)
-    if axes is not None:
-        yield Finding.ACCELEROMETER_AXES.on(topic, axes=axes_text(axes)[1:-1])
 
 
 def wrong_units(imu: ImuSignal) -> dict[str, float]:

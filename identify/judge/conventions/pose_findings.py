@@ -20,12 +20,19 @@ from identify.judge.conventions.convention_fit import (
     DeclaredRig,
     Vector,
 )
-from identify.judge.conventions.gravity_findings import AXIS, READINGS, along_axis, gravity_text
+from identify.judge.conventions.examined_run import ExaminedRun
+from identify.judge.conventions.findings.attitude import AttitudeReadOtherwise
+from identify.judge.conventions.findings.gravity import AXIS, along_axis, gravity_entry
+from identify.judge.conventions.findings.mass import mass_finding
+from identify.judge.conventions.findings.sign import SignReading
+from identify.judge.conventions.findings.unit import units_finding
+from identify.judge.conventions.gravity_findings import READINGS
 from identify.judge.conventions.posed_force import PosedForce, Rotations
 from identify.judge.conventions.removed_weight import CERTAIN
-from identify.judge.conventions.wrench_findings import Examination, SignReading
-from identify.judge.conventions.wrench_units import BodyByWrench, mass_finding, other_units, units_finding
-from identify.judge.findings import Contradiction, Finding
+from identify.judge.conventions.wrench_findings import findings_at_rest
+from identify.judge.conventions.wrench_units import BodyByWrench, other_units
+from identify.judge.cure import Entries
+from identify.judge.findings import Finding
 from identify.rigid_body.regressor import cross_matrices
 from identify.static.centre_result import Centre
 from identify.static.pose_fit import PoseSignals
@@ -42,8 +49,8 @@ class PoseReading(NamedTuple):
 
     how: str
     """Words for it; empty: as declared."""
-    cure: str
-    """Line or lines that declare it."""
+    settings: Sequence[Entries]
+    """Keys that declare it; those of gravity, where it is unknown, are added."""
     to_rest: Rotations
     """Rotations from B to axes at rest."""
     at_rest: bool = False
@@ -54,7 +61,7 @@ class PoseReading(NamedTuple):
     """Number of declarations that it changes."""
 
 
-def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReading], topic: str) -> list[Contradiction]:
+def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReading], topic: str) -> list[Finding]:
     """Judge the forces of static poses by their attitudes.
 
     Args:
@@ -83,11 +90,12 @@ def pose_findings(force: Float[np.ndarray, "n 3"], readings: Sequence[PoseReadin
     others = [k for k in np.argsort(scores) if scores[k] < scores[best] + EQUAL and not _same(posed[k], posed[best])]
     rivals = [readings[k].how for k in others] + [READINGS["sensor"]] * (turned < scores[best] + EQUAL)
     doubt = f"; or {' or '.join(rivals)}, which fits as well" if rivals else ""
-    lines = readings[best].cure
+    settings = [*readings[best].settings]
     down = -fits[best].lift / max(float(np.linalg.norm(fits[best].lift)), 1e-12)
     size = float(np.linalg.norm(declared.gravity))
-    lines = lines.replace("{gravity}", gravity_text(size * along_axis(down, AXIS)))
-    return [Finding.ATTITUDE_READ_OTHERWISE.on(topic, how=readings[best].how, doubt=doubt, lines=lines)]
+    if readings[best].gravity is None:
+        settings.append(gravity_entry(size * along_axis(down, AXIS)))
+    return [AttitudeReadOtherwise(topic=topic, how=readings[best].how, doubt=doubt, settings=settings)]
 
 
 def _same(first: PosedForce, second: PosedForce) -> bool:
@@ -112,9 +120,7 @@ FEWEST = 6
 """Choice: poses from which axes are judged; of fewer, three numbers of a rotation imitate noise."""
 
 
-def axis_findings(
-    signals: PoseSignals, declared: DeclaredRig, upside_down: SignReading, topic: str
-) -> list[Contradiction]:
+def axis_findings(signals: PoseSignals, declared: DeclaredRig, upside_down: SignReading, topic: str) -> list[Finding]:
     """Judge axes and signs of the load cell against those of the attitude, as those of a run.
 
     Args:
@@ -125,7 +131,7 @@ def axis_findings(
     """
     if len(signals.force) < FEWEST:
         return []
-    return list(Examination(_sums(signals), declared, topic, topic).at_rest(upside_down))
+    return list(findings_at_rest(ExaminedRun(_sums(signals), declared, topic, topic, at_rest=True), upside_down))
 
 
 def _sums(signals: PoseSignals) -> ConventionSums:
@@ -140,7 +146,7 @@ def _sums(signals: PoseSignals) -> ConventionSums:
     return ConventionSums(columns @ columns.T / len(force), float(len(force)))
 
 
-def unit_findings(centre: Centre, declared: DeclaredRig, topic: str) -> list[Contradiction]:
+def unit_findings(centre: Centre, declared: DeclaredRig, topic: str) -> list[Finding]:
     """Judge the units of static poses by mass, lever and density, as those of a run.
 
     Args:

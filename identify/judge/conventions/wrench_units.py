@@ -30,8 +30,7 @@ from identify.judge.conventions.convention_fit import (
     Vector,
 )
 from identify.judge.conventions.removed_weight import AIR, CERTAIN, density
-from identify.judge.findings import Contradiction, Finding
-from identify.rounding import significant
+from identify.judge.cure import Entries
 
 POUND_FORCE, KILOGRAM_FORCE, INCH, FOOT = 4.4482216152605, 9.80665, 0.0254, 0.3048
 SYSTEMS = {
@@ -121,10 +120,11 @@ class UnitReading:
         """The sums as they would be."""
         return sums.scaled(FORCE, self.force_factor).scaled(MOMENT, self.moment_factor)
 
-    def lines(self) -> str:
+    @property
+    def entries(self) -> Entries:
         """The keys of the units that differ from those declared."""
-        units = {"force": (self.force, self.force_factor), "moment": (self.moment, self.moment_factor)}
-        return " and ".join(f'{key}_unit = "{name}"' for key, (name, factor) in units.items() if factor != 1.0)
+        units = {"force_unit": (self.force, self.force_factor), "moment_unit": (self.moment, self.moment_factor)}
+        return Entries({key: name for key, (name, factor) in units.items() if factor != 1.0})
 
 
 DECLARED = UnitReading("", "", 1.0, 1.0)
@@ -267,57 +267,3 @@ def other_units(body: BodyByWrench, declared: DeclaredRig, elsewhere: bool) -> l
         return []
     order = [k for k in np.argsort(scores) if scores[k] < least + EQUAL]
     return [readings[k] for k in order]
-
-
-MASS_TOLERANCE = 0.15
-"""Departure of the force at rest from the declared weight that is no finding.
-
-Choice: an error of gain or zero is smaller. In 40 clean runs at most 0.04 (``tests.helpers.judge_margins``).
-"""
-
-
-def fits_as_well(lines: list[str]) -> str:
-    """Return a text on lines that would be as good."""
-    return "".join(f"; or {line}, which fits as well" for line in lines)
-
-
-def units_finding(body: BodyByWrench, readings: list[UnitReading], lines: list[str], topic: str) -> Contradiction:
-    """Return the finding on other units.
-
-    Args:
-        body: in the units as declared.
-        readings: those that explain it, the best first.
-        lines: further lines that do as well.
-        topic: what messages call the data.
-    """
-    best, *rivals = readings
-    shown = significant(body.mass, 3)
-    if body.trace is None:
-        found = ", or ".join(f"{reading.lines()} ({_so(body, reading)})" for reading in readings) + "," * bool(rivals)
-        decides = "; a declared mass ([scale] or body.mass) decides" * bool(rivals)
-        at = f"{significant(1e3 * body.distance(), 3)} mm"
-        why = "no body" if body.impossible(DECLARED) else "not the declared mass"
-        return Finding.UNITS_AT_REST.on(topic, shown=shown, at=at, why=why, lines=found, decides=decides)
-    doubt = fits_as_well([*(rival.lines() for rival in rivals), *lines])
-    mass = significant(best.force_factor * body.mass, 3)
-    return Finding.UNITS.on(topic, shown=shown, mass=mass, doubt=doubt, lines=best.lines())
-
-
-def _so(body: BodyByWrench, reading: UnitReading) -> str:
-    """Return mass of a body at rest, and distance of its centre of gravity from Q, in other units."""
-    mass, distance = reading.force_factor * body.mass, 1e3 * body.distance(reading.lever_factor)
-    return f"{significant(mass, 3)} kg, {significant(distance, 3)} mm"
-
-
-def mass_finding(mass: float, uncertainty: float, declared: float | None, topic: str) -> Iterator[Contradiction]:
-    """Yield the finding on a declared mass that no unit explains.
-
-    Args:
-        mass: whose weight the force is [kg].
-        uncertainty: expanded uncertainty of it [kg].
-        declared: the declared mass [kg]; None: there is none.
-        topic: what messages call the data.
-    """
-    if declared is not None and abs(mass - declared) > MASS_TOLERANCE * declared + uncertainty:
-        masses = {"weighs": significant(mass), "stated": significant(declared)}
-        yield Finding.WEIGHT_OF_ANOTHER_MASS.on(topic, **masses)

@@ -11,8 +11,8 @@ from identify.errors.load_cell.filter import FILTER
 from identify.errors.registry import ERRORS
 from identify.exceptions import RunError
 from identify.judge import judged_fits
-from identify.judge.findings import Finding
-from identify.judge.resonance import saturated
+from identify.judge.finding_pages import all_findings
+from identify.judge.run_findings.saturation import saturated
 from identify.results.identification_result import MISFIT
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified, run_of
@@ -160,6 +160,8 @@ def test_who_came_late_is_said_without_a_minus(late, words):
 
 def test_the_docs_name_every_finding():
     table = (Path(__file__).parents[3] / "docs" / "explanation" / "troubles.md").read_text("utf-8")
-    assert [
-        words.label for words in (*ERRORS.values(), *Finding) if f"`{words.label}`" not in table and words.label
-    ] == []
+    labels = [
+        *(error.label for error in ERRORS.values() if error.label),
+        *(finding.label for finding in all_findings()),
+    ]
+    assert [label for label in labels if f"`{label}`" not in table] == []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.judge.resonance import line
+from identify.judge.run_findings.resonance import line
 
 
 def test_a_line_has_its_power_and_noise_has_none(generator):

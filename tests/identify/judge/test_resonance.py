@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from identify.judge.resonance import resonance
+from identify.judge.run_findings.resonance import resonance
 from identify.signals.run import Run
 
 RATE, SECONDS, BAND = 400.0, 30.0, 3.0

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from identify.exceptions import RunError
+from identify.judge.conventions.findings.accelerometer_delay import AccelerometerLags
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, identified_files, source, write
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.inspection.experiment_findings import experiment_findings
-from uq.inspection.imported_run import cured_in_map
+from uq.inspection.topic_finding import topic_finding
 from uq.recorded.load_run import load_run
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -62,7 +63,8 @@ def test_inspection_names_the_accelerometers_delay_in_place_of_a_weight(tmp_path
     lag, cure = told(finding.text)
     assert lag == pytest.approx(filters["accelerometer_filter"], abs=5e-4)
     assert judged(measured, tmp_path, **cure) == []
-    assert cured_in_map(finding) == finding  # a map has no such key
+    lags = AccelerometerLags(topic=finding.topic, lag=lag)
+    assert topic_finding(lags, imported=True) == finding  # a map has no such key
 
 
 @pytest.mark.parametrize("delay", [-0.02, 0.02, 0.04])

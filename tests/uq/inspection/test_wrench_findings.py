@@ -194,7 +194,7 @@ def test_an_arm_that_turns_all_ways():
     assert 'force_unit = "kgf"' in kilograms[0].text
     weight = wrist_runs.MASS
     removed = wrist_findings(lambda force, moment, specific: (force - weight * specific, moment))
-    assert [finding.kind for finding in removed] == ["weight"]
+    assert [finding.label for finding in removed] == ["weight"]
 
 
 def test_a_moments_unit_is_that_which_puts_the_centre_where_it_is_declared():
@@ -202,4 +202,4 @@ def test_a_moments_unit_is_that_which_puts_the_centre_where_it_is_declared():
     (tenfold,) = wrist_findings(lambda force, moment, _: (force, 10 * moment))
     assert 'set moment_unit = "kgf*cm" in [recording]; or moment_unit = "lbf*inch", which fits as well' in tenfold.text
     (threefold,) = wrist_findings(lambda force, moment, _: (force, 3 * moment))
-    assert threefold.kind == "point"
+    assert threefold.label == "point"

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimators import offsets
-from identify.judge.findings import PAGE
+from identify.judge.findings import 
+from identify.errors.error_model import PAGE
 from identify.reporting import Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed

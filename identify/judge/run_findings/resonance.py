@@ -1,8 +1,24 @@
-"""Findings by a run's own signals: peaks and lines above the motion's band, the end of a sensor's range.
+"""Something vibrates above the motion's band: a mounting that rings, or a machine beside it.
 
-A peak of force or moment is a mounting that rings, or a machine beside it. Broad ones, too: a resonance of damping ζ at
-f is 2 ζ f wide. A line in the residual moment (a resonance, mains hum, an imbalance) stands against coloured noise by
-its surroundings. A sensor's range ends where samples stay at an extreme value.
+## What it looks like
+
+A peak in the spectrum of force or moment, or a line in the residual moment, above the highest frequency of the motion.
+
+## Why it matters
+
+A mounting with a resonance at f0 makes moments of a motion at f too large by (f/f0)². So does a tensor that is
+estimated from them. The result adds this much to its covariance, interval and budget, if the peak is one of the
+moment.
+
+## How it is decided
+
+A peak must stand ten times above the level around it and hold half of what lies above the motion's band; a resonance
+of damping ζ at f is 2 ζ f wide, so broad peaks count, too. A line must stand against coloured noise by its
+surroundings, with one false line in 100,000 clean runs. Lines are looked for with methods `source` and `gls`.
+
+## What to do
+
+Stiffen or damp what vibrates. Mains hum and motors at a fixed frequency: find what vibrates there, and switch it off.
 """
 
 from dataclasses import replace
@@ -54,6 +70,47 @@ Measured: no peak stands out at all in 40 clean runs, and hum is all of what lie
 """
 
 
+class Vibration(Finding):
+    """A peak of force or moment above the motion's band."""
+
+    quantity: str
+    axis: str
+    frequency: float
+    """Frequency of the peak [Hz]."""
+    size: str
+    """Root mean square of the peak, with its unit."""
+
+    @property
+    def looks(self) -> str:
+        frequency = significant(self.frequency)
+        return f"the {self.quantity} on {self.axis} vibrates at about {frequency} Hz, {self.size} rms"
+
+    cure = "stiffen or damp what vibrates"
+
+
+class ResidualHum(Finding):
+    """A line in the residual moment above the motion's band."""
+
+    axis: str
+    frequency: float
+    """Frequency of the line [Hz]."""
+    rms: float
+    """Root mean square of the line [N·m]."""
+
+    @property
+    def looks(self) -> str:
+        frequency, size = significant(self.frequency), significant(self.rms, 2)
+        return f"a line at {frequency} Hz in the residual moment about {self.axis}, {size} N·m rms"
+
+    cure = "find what vibrates at this frequency"
+
+
+EXAMPLES = (
+    Vibration(topic="run.mcap", quantity="moment", axis="b2", frequency=24.5, size="0.012 N·m"),
+    ResidualHum(topic="run.mcap", axis="b1", frequency=50.0, rms=0.0031),
+)
+
+
 class ResonancePeak(NamedTuple):
     """The peak that holds most of what lies above the motion's band."""
 
@@ -80,11 +137,10 @@ class ResonancePeak(NamedTuple):
         """Return the peak as a cause, with what a mounting that resonates adds to the tensor [kg·m²]."""
         unit, worst = "N" if self.quantity == "force" else "N·m", int(np.argmax(np.abs(added)))
         change = f"{significant(GRAM_METRE * added[worst], 2)} g·m² to {COMPONENTS[worst]}"
-        return Finding.RESONANCE.cause(
-            run.name, axis=f"b{self.axis + 1}", share=self.share,
-            adds=f"; if the mounting does, it adds {change}" if added.any() else "", quantity=self.quantity,
-            frequency=significant(self.frequency), size=f"{significant(self.rms, 2)} {unit}",
-        )  # fmt: skip
+        axis, size = f"b{self.axis + 1}", f"{significant(self.rms, 2)} {unit}"
+        peak = Vibration(topic=run.name, quantity=self.quantity, axis=axis, frequency=self.frequency, size=size)
+        adds = f"; if the mounting does, it adds {change}" if added.any() else ""
+        return peak.verdict(axis=axis, share=self.share, adds=adds)
 
 
 def resonance(run: Run, band: float) -> ResonancePeak | None:
@@ -176,11 +232,9 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
     strongest = line(residuals, run.rate, above=ABOVE * run.band) if len(residuals) >= SHORTEST else None
     if strongest is None or strongest.share < LEAST:
         return []
-    verdict = Finding.SPECTRAL_LINE.cause(
-        run.name, axis=f"b{strongest.axis + 1}", share=strongest.share, frequency=significant(strongest.frequency),
-        size=f"{significant(strongest.rms, 2)} N·m",
-    )  # fmt: skip
-    return [verdict]
+    axis = f"b{strongest.axis + 1}"
+    hum = ResidualHum(topic=run.name, axis=axis, frequency=strongest.frequency, rms=strongest.rms)
+    return [hum.verdict(axis=axis, share=strongest.share)]
 
 
 def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:
@@ -256,44 +310,3 @@ def _power(spectrum: np.ndarray, level: np.ndarray, peak: int) -> float:
     while last + 1 < len(out) and out[last + 1]:
         last += 1
     return float(np.maximum(spectrum - level, 0)[first : last + 1].sum())
-
-
-FLAT = 10
-"""Samples of one extreme value from which a sensor's range has ended.
-
-Choice: noise of a fine resolution has one. Of a coarse one, see ``OVER_NEXT``.
-"""
-OVER_NEXT = 3
-"""Samples of the extreme value over those of the value next to it from which a sensor's range has ended.
-
-Choice: a coarse resolution gives the extreme value fewer samples than its neighbour.
-"""
-ONE_VALUE = 1e-6
-"""Part of a signal's range within which samples are of one value.
-
-Numerical: stamps rounded to nanoseconds make a spline to uniform instants move samples of 1 kHz by less.
-"""
-QUANTITIES = {"force": "force", "moment": "moment", "omega": "angular velocity"}
-
-
-def saturated(run: Run) -> list[ResidualCause]:
-    """Return a finding for each end of each channel at which samples stay that are not left out."""
-    return [
-        Finding.SATURATION.cause(
-            run.name, axis=f"b{axis}", share=count / len(values), quantity=name, value=significant(end, 4), count=count
-        )
-        for quantity, name in QUANTITIES.items()
-        for axis, values in enumerate(getattr(run, quantity)[run.usable].T, 1)
-        for end in (values.min(), values.max())
-        if (count := _at_end(values, end))
-    ]
-
-
-def _at_end(values: Float[np.ndarray, " n"], end: float) -> int:
-    """Count of samples that stay at an extreme value; 0: no more than noise or a coarse resolution brings there."""
-    away = np.abs(values - end)
-    width = ONE_VALUE * away.max()
-    count, beyond = int(np.count_nonzero(away <= width)), away[away > width]
-    if count < FLAT or not len(beyond) or np.ptp(beyond) <= width:  # a signal of two values is no clipped one
-        return 0
-    return count if count > OVER_NEXT * np.count_nonzero(beyond <= beyond.min() + width) else 0

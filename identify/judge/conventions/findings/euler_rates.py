@@ -1,9 +1,25 @@
-"""Gyro channels that hold the rates of Euler angles in place of the body's angular velocity.
+"""The channels of the gyro hold the rates of Euler angles in place of the body's angular velocity.
 
-Of angles about turned axes, the channel of each axis holds the rate of its angle, or the channels hold the rates in the
-order in which the axes are turned, such as yaw, pitch and roll. The body's angular velocity is
-another vector unless the angles are small. Where an attitude is recorded, its angles tell; otherwise the rates are
-integrated, the vertical by the accelerometer, and force and moment tell.
+## What it looks like
+
+Of angles about turned axes, the channel of each axis holds the rate of its angle, or the channels hold the rates in
+the order in which the axes are turned, such as yaw, pitch and roll.
+
+## Why it matters
+
+The body's angular velocity is another vector unless the angles are small. The tensor is wrong by as much as the two
+differ.
+
+## How it is decided
+
+Where an attitude is recorded, the rates of its angles tell, by correlation. Otherwise the rates are integrated, the
+vertical by the accelerometer, and force and moment tell: a body explains them only by the angular velocity that the
+rates make. All orders of the axes are tried. Of angles of 0.15 rad or more.
+
+## What to do
+
+Import the attitude in place of the rates, by `columns.quaternion` of a map. Of yaw, pitch and roll the message has the
+formula that makes the angular velocity of the rates.
 """
 
 from itertools import permutations
@@ -14,7 +30,7 @@ from jaxtyping import Float
 from identify.judge.conventions.axis_hypotheses import DECISIVE, chi_square, scales
 from identify.judge.conventions.convention_fit import ImuSignal, WrenchSignal, convention_sums
 from identify.judge.conventions.free_rotation import AS_IT_IS, well_explained
-from identify.judge.findings import Contradiction, Finding
+from identify.judge.findings import Finding
 from identify.rigid_body.rotation import exponentials, rotation_vectors
 
 Rotations = Float[np.ndarray, "n 3 3"]
@@ -58,7 +74,32 @@ Choice: small angles, where both are alike, are not judged.
 """
 
 
-def euler_rates_finding(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> list[Contradiction]:
+class RatesOfAngles(Finding):
+    """Channels that hold the rates of Euler angles."""
+
+    order: str
+    """Axes in the order in which they are turned, such as ZYX."""
+    channels: str
+    """Axes whose angles' rates the channels x, y, z hold."""
+
+    @property
+    def looks(self) -> str:
+        held = "" if self.channels == "XYZ" else f", x, y, z in the order {self.channels}"
+        return (
+            f"the channels of the angular velocity hold the rates of Euler angles (turned axes {self.order}{held}), "
+            "not the angular velocity in the body's axes"
+        )
+
+    @property
+    def cure(self) -> str:
+        formula = FORMULA * (self.order == USUAL)
+        return f"import the attitude in their place (columns.quaternion of a map){formula}"
+
+
+EXAMPLES = (RatesOfAngles(topic="/imu", order="ZYX", channels="XYZ"),)
+
+
+def euler_rates_finding(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> list[Finding]:
     """Return the finding where a body explains force and moment only by the angular velocity that the rates make.
 
     Args:
@@ -79,10 +120,10 @@ def euler_rates_finding(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> lis
         gain = float(chi_square(sums, given) - chi_square(made, given))
         if gain > max(DECISIVE, best[0] if best else 0.0):
             best = gain, order, channels
-    return [] if best is None else [_finding(best[1], best[2], topic)]
+    return [] if best is None else [RatesOfAngles(topic=topic, order=best[1], channels=best[2])]
 
 
-def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic: str) -> list[Contradiction]:
+def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic: str) -> list[Finding]:
     """Return the finding where the channels are the rates of a recorded attitude's angles.
 
     Args:
@@ -95,14 +136,9 @@ def rates_of_attitude(imu: ImuSignal, to_rest: Float[np.ndarray, "n 3 3"], topic
     as_read = _correlation(_turns(to_rest) / between, middle)
     rates = {order: np.diff(_angles(to_rest, order), axis=0) / between for order in ORDERS}
     fits = {layout: _correlation(rates[layout[0]], _by_axis(middle, layout[1])) for layout in LAYOUTS}
-    layout = max(LAYOUTS, key=fits.__getitem__)
+    order, channels = layout = max(LAYOUTS, key=fits.__getitem__)
     is_rates = fits[layout] > max(ANGLES_FIT, as_read + BETTER)
-    return [_finding(*layout, topic)] if is_rates else []
-
-
-def _finding(order: str, channels: str, topic: str) -> Contradiction:
-    held = "" if channels == "XYZ" else f", x, y, z in the order {channels}"
-    return Finding.EULER_RATES.on(topic, order=order + held, formula=FORMULA * (order == USUAL))
+    return [RatesOfAngles(topic=topic, order=order, channels=channels)] if is_rates else []
 
 
 def _by_axis(channels: Float[np.ndarray, "n 3"], axes: str) -> Float[np.ndarray, "n 3"]:
