@@ -80,7 +80,8 @@ FAULTS = (
           ("if spread[1] < LEAST_TILT:", "if spread[0] < LEAST_TILT:")),
     fault("consistency_unit", "a rotation said in radians for degrees", "moment_alone",
           ('load cell by {}", _all(180 / np.pi', 'load cell by {}", _all(1.0'),
-          ('"correct imu_rotation_to_body", _all(180 / np.pi', '"correct imu_rotation_to_body", _all(1.0')),
+          ('"correct imu_rotation_to_body", _all(180 / np.pi', '"correct imu_rotation_to_body", _all(1.0'),
+          ('imu_rotation_to_body",\n        every(180 / np.pi', 'imu_rotation_to_body",\n        every(1.0')),
     # uq: units, experiment, sources
     fault("gravity_unit", "g as an acceleration taken for gram", "units imports import_table",
           ('"standard_gravity" if (name, unit) == ("g", "m/s^2") else name', "name")),

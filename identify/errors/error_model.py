@@ -20,10 +20,11 @@ PAGE = "docs/explanation/troubles.md"
 """Page of the documentation with a row for each cause and finding."""
 CELL_MATRIX = ("cell_matrix",)
 """Unknown of the joint model that holds all that mixes the load cell's channels."""
-STEP = 1e-5
+STEP = 2.0**-17
 """Step of central differences, in SI.
 
-Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-10 and rounding 1e-11.
+Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-10 and rounding 1e-11. A power of
+two, so that linear errors are exact.
 """
 
 
@@ -148,12 +149,14 @@ class ErrorModel:
 
         By central differences; the parts' names are those of :attr:`RigState.parts`.
         """
-        before, steps = state.parts, STEP * np.eye(self.count)
-        ends = [(self.act(state, step).parts, self.act(state, -step).parts) for step in steps]
-        return {
-            name: np.stack([(plus[name] - minus[name]) / (2 * STEP) for plus, minus in ends], axis=-1)
-            for name, part in before.items() if any(plus[name] is not part for plus, _ in ends)
-        }  # fmt: skip
+        before, derivatives = state.parts, dict[str, np.ndarray]()
+        for number, step in enumerate(STEP * np.eye(self.count)):
+            plus, minus = self.act(state, step).parts, self.act(state, -step).parts
+            for name, part in before.items():
+                if plus[name] is not part:
+                    columns = derivatives.setdefault(name, np.zeros((*part.shape, self.count)))
+                    columns[..., number] = (plus[name] - minus[name]) / (2 * STEP)
+        return derivatives
 
     @cached_property
     def by_cell_matrix(self) -> Float[np.ndarray, "36 p"]:
