@@ -15,7 +15,7 @@ from identify.errors.written_sizes import largest
 def act(state: RigState, sensitivity: Numbers) -> RigState:
     """Return the state of a gyro that reads so much of the specific force, each axis of each [rad/s per m/s²]."""
     matrix, force = sensitivity.reshape(3, 3).T, state.accelerometer
-    gyro, slope = state.gyro + force @ matrix, state.gyro_slope + state.slopes(force)[0] @ matrix
+    gyro, slope = state.gyro + force @ matrix, state.gyro_slope + state.slopes("accelerometer")[0] @ matrix
     return replace(state, gyro=gyro, gyro_slope=slope)
 
 

@@ -124,7 +124,7 @@ def by_act(way, known, error, step=1e-4):
 
 
 def assert_close(run, columns, expected, within):
-    assert np.abs(run.counted(columns) - expected).max() / max(np.abs(expected).max(), 1e-6) <= within
+    assert np.abs(run.counted(columns) - expected).max() / max(np.abs(expected).max(), 1e-3) <= within
 
 
 TENSOR = replace(ERRORS["moving_part"], name="tensor", act=lambda state, packed: state.with_less("inertia", packed))
@@ -214,7 +214,7 @@ def test_static_poses_have_what_the_errors_do_to_a_weight(error):
             unit, expected = np.ones(1), -weight * slopes["gravity"][:, :, number] / GRAVITY
         else:
             expected, unit = slopes["wrench"][:, :, number], error.by_cell_matrix[:, number]
-        np.testing.assert_allclose(wrench_error(error.unknowns[0], unit, weight, GRAVITY), expected, atol=1e-9)
+        np.testing.assert_allclose(wrench_error(error.unknowns[0], unit, weight, GRAVITY), expected, atol=1e-6)
 
 
 ON_LINES = {
