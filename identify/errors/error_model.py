@@ -20,11 +20,10 @@ PAGE = "docs/explanation/troubles.md"
 """Page of the documentation with a row for each cause and finding."""
 CELL_MATRIX = ("cell_matrix",)
 """Unknown of the joint model that holds all that mixes the load cell's channels."""
-STEP = 2.0**-24
-"""Step of forward differences, in SI.
+STEP = 2.0**-17
+"""Step of central differences, in SI.
 
-Numerical: what a step of 6e-8 rad or s adds is linear within 1e-6, and 1e8 times the rounding. A power of two, so that
-linear errors are exact.
+Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-11 and rounding as much.
 """
 
 
@@ -115,6 +114,8 @@ class ErrorModel:
     """Part of the rig that errs."""
     scope: Literal["rig", "run"] = "rig"
     """Owner of one value: the rig in all runs, or each run."""
+    linear: bool = False
+    """Whether it acts in proportion to its numbers, so that one step of any size tells the derivative."""
     needs: frozenset[str] = frozenset()
     """Conditions without which it cannot be: ``mounting`` (or weight), a load cell's ``zero``, an ``accelerometer``
     that tells the specific force."""
@@ -147,14 +148,16 @@ class ErrorModel:
     def derivatives(self, state: RigState) -> dict[str, np.ndarray]:
         """Return the derivatives, at no error, of the parts of a state on which it acts, a last axis for its numbers.
 
-        By forward differences; the parts' names are those of :attr:`RigState.parts`.
+        By central differences, or by one step that is exact; the parts' names are those of :attr:`RigState.parts`.
         """
         before, derivatives = state.parts, dict[str, np.ndarray]()
-        for number, step in enumerate(STEP * np.eye(self.count)):
-            for name, part in self.act(state, step).parts.items():
-                if part is not before[name]:
+        for number, unit in enumerate(np.eye(self.count)):
+            after = self.act(state, unit if self.linear else STEP * unit).parts
+            less = before if self.linear else self.act(state, -STEP * unit).parts
+            for name, part in before.items():
+                if after[name] is not part:
                     columns = derivatives.setdefault(name, np.zeros((*part.shape, self.count)))
-                    columns[..., number] = (part - before[name]) / STEP
+                    columns[..., number] = (after[name] - less[name]) / (1.0 if self.linear else 2 * STEP)
         return derivatives
 
     @cached_property

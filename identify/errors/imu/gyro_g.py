@@ -20,7 +20,7 @@ def act(state: RigState, sensitivity: Numbers) -> RigState:
 
 
 GYRO_G = ErrorModel(
-    name="gyro_g", count=9, act=act, stage=Stage.SENSOR_GAIN, part="gyro", prior=fixed(*[3e-4] * 9),
+    name="gyro_g", count=9, act=act, linear=True, stage=Stage.SENSOR_GAIN, part="gyro", prior=fixed(*[3e-4] * 9),
     words=CauseWords(
         "gyro g-sensitivity", "the gyro responded to acceleration, {}", "use the gyro's calibration",
         largest(1e3, "mrad/s per m/s²"),

@@ -160,6 +160,16 @@ def test_derivatives_of_the_joint_model_are_what_the_errors_do(error, way):
     assert_close(run, columns, expected, 1e-5)
 
 
+@pytest.mark.parametrize("error", [error for error in ERRORS.values() if error.linear], ids=lambda e: e.name)
+def test_a_linear_error_is_in_proportion_to_its_numbers(error):
+    state = ErrorColumns(clean("accelerometer")[0]).rows
+    numbers = np.random.default_rng(5).standard_normal(error.count)
+    derivatives, after = error.derivatives(state), error.act(state, numbers).parts
+    for name, part in state.parts.items():
+        expected = part + (derivatives[name] @ numbers if name in derivatives else 0.0)
+        np.testing.assert_allclose(after[name], expected, rtol=0, atol=1e-10 * np.abs(after[name]).max() + 1e-15)
+
+
 def test_every_unknown_of_the_joint_model_is_held():
     """But for the wander, a random walk of the attitude that is none of alpha."""
     held = {
@@ -214,7 +224,7 @@ def test_static_poses_have_what_the_errors_do_to_a_weight(error):
             unit, expected = np.ones(1), -weight * slopes["gravity"][:, :, number] / GRAVITY
         else:
             expected, unit = slopes["wrench"][:, :, number], error.by_cell_matrix[:, number]
-        np.testing.assert_allclose(wrench_error(error.unknowns[0], unit, weight, GRAVITY), expected, atol=1e-6)
+        np.testing.assert_allclose(wrench_error(error.unknowns[0], unit, weight, GRAVITY), expected, atol=1e-9)
 
 
 ON_LINES = {
