@@ -25,6 +25,8 @@ STEP = 2.0**-17
 
 Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-11 and rounding as much.
 """
+STEP_OF_UNITS = 2.0**-26
+"""Step of central differences of unit wrenches, which is exact: no rounding hides it, and its square is below."""
 
 
 class Stage(IntEnum):
@@ -145,19 +147,19 @@ class ErrorModel:
             return figure * np.eye(self.count)
         return self.typical.numbers(figure)
 
-    def derivatives(self, state: RigState) -> dict[str, np.ndarray]:
+    def derivatives(self, state: RigState, step: float = STEP) -> dict[str, np.ndarray]:
         """Return the derivatives, at no error, of the parts of a state on which it acts, a last axis for its numbers.
 
         By central differences, or by one step that is exact; the parts' names are those of :attr:`RigState.parts`.
         """
         before, derivatives = state.parts, dict[str, np.ndarray]()
         for number, unit in enumerate(np.eye(self.count)):
-            after = self.act(state, unit if self.linear else STEP * unit).parts
-            less = before if self.linear else self.act(state, -STEP * unit).parts
+            after = self.act(state, unit if self.linear else step * unit).parts
+            less = before if self.linear else self.act(state, -step * unit).parts
             for name, part in before.items():
                 if after[name] is not part:
                     columns = derivatives.setdefault(name, np.zeros((*part.shape, self.count)))
-                    columns[..., number] = (after[name] - less[name]) / (1.0 if self.linear else 2 * STEP)
+                    columns[..., number] = (after[name] - less[name]) / (1.0 if self.linear else 2 * step)
         return derivatives
 
     @cached_property
@@ -169,7 +171,8 @@ class ErrorModel:
         """
         if self.unknowns != CELL_MATRIX:
             raise ValueError(f"Argument `self` must mix the load cell's channels, but is {self.name!r}.")
-        return np.asarray(self.derivatives(UNIT_WRENCHES)["wrench"].swapaxes(0, 1).reshape(36, self.count))
+        by_number = self.derivatives(UNIT_WRENCHES, STEP_OF_UNITS)["wrench"]
+        return np.asarray(by_number.swapaxes(0, 1).reshape(36, self.count))
 
 
 def composed(errors: Iterable[ErrorModel], state: RigState, numbers: Mapping[str, Numbers]) -> RigState:
