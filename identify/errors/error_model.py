@@ -20,11 +20,13 @@ PAGE = "docs/explanation/troubles.md"
 """Page of the documentation with a row for each cause and finding."""
 CELL_MATRIX = ("cell_matrix",)
 """Unknown of the joint model that holds all that mixes the load cell's channels."""
-STEP = 1e-5
+STEP = 2.0**-17
 """Step of central differences, in SI.
 
-Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-10 and rounding 1e-11.
+Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-11 and rounding as much.
 """
+STEP_OF_UNITS = 2.0**-26
+"""Step of central differences of unit wrenches, which is exact: no rounding hides it, and its square is below."""
 
 
 def place_in_docs(label: str) -> str:
@@ -119,6 +121,8 @@ class ErrorModel:
     """Part of the rig that errs."""
     scope: Literal["rig", "run"] = "rig"
     """Owner of one value: the rig in all runs, or each run."""
+    linear: bool = False
+    """Whether it acts in proportion to its numbers, so that one step of any size tells the derivative."""
     needs: frozenset[str] = frozenset()
     """Conditions without which it cannot be: ``mounting`` (or weight), a load cell's ``zero``, an ``accelerometer``
     that tells the specific force."""
@@ -148,17 +152,20 @@ class ErrorModel:
             return figure * np.eye(self.count)
         return self.typical.numbers(figure)
 
-    def derivatives(self, state: RigState) -> dict[str, np.ndarray]:
+    def derivatives(self, state: RigState, step: float = STEP) -> dict[str, np.ndarray]:
         """Return the derivatives, at no error, of the parts of a state on which it acts, a last axis for its numbers.
 
-        By central differences; the parts' names are those of :attr:`RigState.parts`.
+        By central differences, or by one step that is exact; the parts' names are those of :attr:`RigState.parts`.
         """
-        before, steps = state.parts, STEP * np.eye(self.count)
-        ends = [(self.act(state, step).parts, self.act(state, -step).parts) for step in steps]
-        return {
-            name: np.stack([(plus[name] - minus[name]) / (2 * STEP) for plus, minus in ends], axis=-1)
-            for name, part in before.items() if any(plus[name] is not part for plus, _ in ends)
-        }  # fmt: skip
+        before, derivatives = state.parts, dict[str, np.ndarray]()
+        for number, unit in enumerate(np.eye(self.count)):
+            after = self.act(state, unit if self.linear else step * unit).parts
+            less = before if self.linear else self.act(state, -step * unit).parts
+            for name, part in before.items():
+                if after[name] is not part:
+                    columns = derivatives.setdefault(name, np.zeros((*part.shape, self.count)))
+                    columns[..., number] = (after[name] - less[name]) / (1.0 if self.linear else 2 * step)
+        return derivatives
 
     @cached_property
     def by_cell_matrix(self) -> Float[np.ndarray, "36 p"]:
@@ -169,7 +176,8 @@ class ErrorModel:
         """
         if self.unknowns != CELL_MATRIX:
             raise ValueError(f"Argument `self` must mix the load cell's channels, but is {self.name!r}.")
-        return np.asarray(self.derivatives(UNIT_WRENCHES)["wrench"].swapaxes(0, 1).reshape(36, self.count))
+        by_number = self.derivatives(UNIT_WRENCHES, STEP_OF_UNITS)["wrench"]
+        return np.asarray(by_number.swapaxes(0, 1).reshape(36, self.count))
 
 
 def composed(errors: Iterable[ErrorModel], state: RigState, numbers: Mapping[str, Numbers]) -> RigState:

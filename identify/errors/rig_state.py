@@ -6,6 +6,7 @@ that is larger than stated is a belief that is smaller than the mass.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -90,25 +91,30 @@ class RigState:
         signals = {name: getattr(self, name) for name in ("wrench", "gyro", "gyro_slope", "accelerometer", "vertical")}
         return signals | vars(self.beliefs)
 
-    def slopes(self, signal: Float[np.ndarray, "n k"], orders: int = 1) -> list[Float[np.ndarray, "n k"]]:
-        """Return the first derivatives of a signal by time, as many as are asked for."""
+    def slopes(self, signal: str, orders: int = 1) -> list[Float[np.ndarray, "n k"]]:
+        """Return the first derivatives by time of the signal of a name in :attr:`parts`, as many as are asked for."""
         spline, at = self._spline(signal)
         return [spline(at, order) for order in range(1, orders + 1)]
 
-    def delayed(self, signal: Float[np.ndarray, "n k"], seconds: np.ndarray | float) -> Float[np.ndarray, "n k"]:
-        """Return a signal as it was so many seconds before."""
+    def delayed(self, signal: str, seconds: np.ndarray | float) -> Float[np.ndarray, "n k"]:
+        """Return the signal of a name in :attr:`parts` as it was so many seconds before."""
         spline, at = self._spline(signal)
         return spline(at - seconds)
 
-    def _spline(self, signal: np.ndarray) -> tuple[UniformSpline, np.ndarray]:
-        """The quintic spline through a signal, and the samples' instants."""
-        step = self.true.interval
-        return uniform_spline(signal, step, degree=5), step * np.arange(len(signal))
+    def _spline(self, signal: str) -> tuple[UniformSpline, np.ndarray]:
+        """The quintic spline through a signal, made once, and the samples' instants."""
+        step, values = self.true.interval, self.parts[signal]
+        if signal not in self._splines:
+            self._splines[signal] = uniform_spline(values, step, degree=5)
+        return self._splines[signal], step * np.arange(len(values))
+
+    @cached_property
+    def _splines(self) -> dict[str, UniformSpline]:
+        return {}
 
     def with_late_imu(self, seconds: Float[np.ndarray, " n"]) -> "RigState":
         """Return the state with all signals of the IMU late by so many seconds, stamped as if they were not."""
-        signals = np.hstack([self.gyro, self.gyro_slope, self.accelerometer])
-        gyro, slope, accelerometer = np.split(self.delayed(signals, seconds), 3, axis=1)
+        gyro, slope, accelerometer = (self.delayed(name, seconds) for name in ("gyro", "gyro_slope", "accelerometer"))
         rate = 1 - np.gradient(seconds, self.true.interval)  # of the IMU's clock, by which the slope is taken
         turn_since = seconds[0] * self.true.omega[0] @ self.imu_turn
         vertical = exponential(turn_since) @ self.vertical

@@ -66,7 +66,7 @@ def _late(record: RunLines, inertia: np.ndarray, r_cg: np.ndarray, numbers: np.n
 EFFECTS: dict[str, Callable[[RunLines, np.ndarray, np.ndarray, np.ndarray], Float[np.ndarray, "m 3"]]] = {
     "cell_matrix": _cell,
     "gyro_scale": lambda record, inertia, r_cg, numbers: _gyro(record, inertia, np.diag(numbers)),
-    "rotation": lambda record, inertia, r_cg, numbers: _gyro(record, inertia, cross_matrix(numbers)),
+    "rotation": lambda record, inertia, r_cg, numbers: _gyro(record, inertia, -cross_matrix(numbers)),
     "delay": _late,
 }
 """Effect of each unknown's error."""

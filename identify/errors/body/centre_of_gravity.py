@@ -22,7 +22,7 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 CENTRE_OF_GRAVITY = ErrorModel(
-    name="centre_of_gravity", count=3, act=act, stage=Stage.BODY,
+    name="centre_of_gravity", count=3, act=act, linear=True, stage=Stage.BODY,
     part="body", needs=frozenset({"mounting"}), unknowns=("r_cg",),
     by_hand=True, declared_as=("r_cg", "bias"), typical=TYPICAL, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(

@@ -28,7 +28,7 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 MASS = ErrorModel(
-    name="mass", count=1, act=act, stage=Stage.BODY,
+    name="mass", count=1, act=act, linear=True, stage=Stage.BODY,
     part="body", unknowns=("mass",), by_hand=True, typical=TYPICAL, prior=_prior,
     words=CauseWords("mass", "the mass were off by {}", "weigh the body", every(-1.0, "kg")),
 )  # fmt: skip

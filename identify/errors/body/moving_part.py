@@ -17,6 +17,7 @@ MOVING_PART = ErrorModel(
     name="moving_part",
     count=6,
     act=act,
+    linear=True,
     stage=Stage.BODY,
     part="body",
     scope="run",

@@ -17,7 +17,7 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 SLIP = ErrorModel(
-    name="slip", count=3 * len(STEPS), act=act, stage=Stage.BODY,
+    name="slip", count=3 * len(STEPS), act=act, linear=True, stage=Stage.BODY,
     part="body", scope="run", needs=frozenset({"mounting"}),
     prior=fixed(*[1e-3] * 3 * len(STEPS)),
     words=CauseWords("slip", "the body slipped by {}", "clamp it, and record again", largest(1e3, "mm")),

@@ -16,7 +16,8 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 STILL_MISSED = ErrorModel(
-    name="still_missed", count=3, act=act, stage=Stage.BODY, part="body", unknowns=("cg_from_still",), by_hand=True,
+    name="still_missed", count=3, act=act, linear=True,
+    stage=Stage.BODY, part="body", unknowns=("cg_from_still",), by_hand=True,
     prior=fixed(*[0.02] * 3), declared_as=("r_cg_from_omb", "bias"),
     words=CauseWords(
         "still missed", "the centre of gravity were off the point at rest by {}",

@@ -15,7 +15,7 @@ def act(state: RigState, bias: Numbers) -> RigState:
 
 
 ACCELEROMETER_BIAS = ErrorModel(
-    name="accelerometer_bias", count=3, act=act, stage=Stage.SENSOR_ZERO,
+    name="accelerometer_bias", count=3, act=act, linear=True, stage=Stage.SENSOR_ZERO,
     part="accelerometer", scope="run", needs=frozenset({"accelerometer"}),
     unknowns=("accelerometer_bias",), by_hand=True,
 )  # fmt: skip

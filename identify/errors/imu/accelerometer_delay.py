@@ -14,7 +14,7 @@ from identify.errors.written_sizes import every
 
 def act(state: RigState, seconds: Numbers) -> RigState:
     """Return the state of an accelerometer that lags behind the gyro by so much."""
-    return replace(state, accelerometer=state.delayed(state.accelerometer, seconds[0]))
+    return replace(state, accelerometer=state.delayed("accelerometer", seconds[0]))
 
 
 ACCELEROMETER_DELAY = ErrorModel(

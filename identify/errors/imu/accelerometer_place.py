@@ -23,7 +23,7 @@ def act(state: RigState, metres: Numbers) -> RigState:
 
 
 ACCELEROMETER_PLACE = ErrorModel(
-    name="accelerometer_place", count=3, act=act, stage=Stage.BODY,
+    name="accelerometer_place", count=3, act=act, linear=True, stage=Stage.BODY,
     part="accelerometer", needs=frozenset({"accelerometer"}),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(

@@ -24,7 +24,7 @@ def act(state: RigState, scale: Numbers) -> RigState:
 
 
 ACCELEROMETER_SCALE = ErrorModel(
-    name="accelerometer_scale", count=3, act=act, stage=Stage.SENSOR_GAIN,
+    name="accelerometer_scale", count=3, act=act, linear=True, stage=Stage.SENSOR_GAIN,
     part="accelerometer", needs=frozenset({"accelerometer"}),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(

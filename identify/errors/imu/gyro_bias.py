@@ -19,6 +19,7 @@ GYRO_BIAS = ErrorModel(
     name="gyro_bias",
     count=3,
     act=act,
+    linear=True,
     stage=Stage.SENSOR_ZERO,
     part="gyro",
     scope="run",

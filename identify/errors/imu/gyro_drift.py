@@ -21,7 +21,7 @@ def act(state: RigState, slope: Numbers) -> RigState:
 
 
 GYRO_DRIFT = ErrorModel(
-    name="gyro_drift", count=3, act=act, stage=Stage.SENSOR_ZERO,
+    name="gyro_drift", count=3, act=act, linear=True, stage=Stage.SENSOR_ZERO,
     part="gyro", scope="run", unknowns=("gyro_drift",), by_hand=True,
     declared_as=("omega", "drift"), prior=fixed(*[0.001] * 3),
     words=CauseWords(

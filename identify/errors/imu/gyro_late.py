@@ -16,14 +16,11 @@ from identify.errors.written_sizes import every
 
 def act(state: RigState, seconds: Numbers) -> RigState:
     """Return the state of a gyro whose axes come so late, one time each."""
-
-    def late(signal: np.ndarray) -> np.ndarray:
-        axes = np.split(signal, 3, axis=1)
-        return np.hstack(
-            [state.delayed(axis, time) if time else axis for axis, time in zip(axes, seconds, strict=True)]
-        )
-
-    return replace(state, gyro=late(state.gyro), gyro_slope=late(state.gyro_slope))
+    late = {name: getattr(state, name).copy() for name in ("gyro", "gyro_slope")}
+    for name, signal in late.items():
+        for axis in np.flatnonzero(seconds):
+            signal[:, axis] = state.delayed(name, seconds[axis])[:, axis]
+    return replace(state, **late)
 
 
 GYRO_LATE = ErrorModel(

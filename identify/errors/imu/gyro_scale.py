@@ -24,7 +24,8 @@ def act(state: RigState, scale: Numbers) -> RigState:
 
 
 GYRO_SCALE = ErrorModel(
-    name="gyro_scale", count=3, act=act, stage=Stage.SENSOR_GAIN, part="gyro", unknowns=("gyro_scale",), by_hand=True,
+    name="gyro_scale", count=3, act=act, linear=True,
+    stage=Stage.SENSOR_GAIN, part="gyro", unknowns=("gyro_scale",), by_hand=True,
     declared_as=("omega", "scale"), typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, declare a scale, or check its unit",

@@ -31,7 +31,7 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 CROSS_TALK = ErrorModel(
-    name="cross_talk", count=36, act=act, stage=Stage.CELL_CROSS_TALK,
+    name="cross_talk", count=36, act=act, linear=True, stage=Stage.CELL_CROSS_TALK,
     part="load cell", unknowns=CELL_MATRIX, declared_as=("wrench", "cross_talk"),
     typical=TYPICAL, prior=_prior,
     words=CauseWords(

@@ -21,7 +21,8 @@ def act(state: RigState, change: Numbers) -> RigState:
 
 
 DRIFT = ErrorModel(
-    name="drift", count=6, act=act, stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="drift", count=6, act=act, linear=True,
+    stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
     unknowns=("force_drift", "moment_drift"), by_hand=True, declared_as=("F", "drift"), prior=fixed(*SIZES),
     words=CauseWords("drift", "the load cell's zeros drifted", "let it warm up, or declare a drift"),
 )  # fmt: skip

@@ -16,9 +16,11 @@ from identify.errors.written_sizes import every
 
 def act(state: RigState, seconds: Numbers) -> RigState:
     """Return the state of a load cell whose force and moment come so late, one time each."""
-    halves = np.split(state.wrench, 2, axis=1)
-    late = [state.delayed(half, time) if time else half for half, time in zip(halves, seconds, strict=True)]
-    return replace(state, wrench=np.hstack(late))
+    wrench = state.wrench.copy()
+    for rows, time in zip((slice(0, 3), slice(3, 6)), seconds, strict=True):
+        if time:
+            wrench[:, rows] = state.delayed("wrench", time)[:, rows]
+    return replace(state, wrench=wrench)
 
 
 def _lateness(values: np.ndarray, spread: np.ndarray) -> str:

@@ -37,7 +37,7 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 GAIN = ErrorModel(
-    name="gain", count=6, act=act, stage=Stage.CELL_GAIN, part="load cell", unknowns=CELL_MATRIX,
+    name="gain", count=6, act=act, linear=True, stage=Stage.CELL_GAIN, part="load cell", unknowns=CELL_MATRIX,
     declared_as=("F", "scale"), prior=_prior,
     words=CauseWords(
         "gain", "the load cell's gains were wrong by {}", "calibrate it, or declare a scale", every(100.0, "%")
@@ -45,7 +45,7 @@ GAIN = ErrorModel(
 )  # fmt: skip
 FORCE_GAIN, FORCE_GAIN_BY_AXIS, MOMENT_GAIN, MOMENT_GAIN_BY_AXIS = (
     ErrorModel(
-        name=name, count=count, act=_on(rows), stage=Stage.CELL_GAIN,
+        name=name, count=count, act=_on(rows), linear=True, stage=Stage.CELL_GAIN,
         part="load cell", unknowns=CELL_MATRIX, declared_as=(target, "scale"),
         typical=TypicalSize(figure=PART, key_unit="%", text=text, unit="%", per_si=100.0, about=about),
     )

@@ -19,7 +19,7 @@ def act(state: RigState, gains: Numbers) -> RigState:
 
 
 GAIN_DRIFT = ErrorModel(
-    name="gain_drift", count=6, act=act, stage=Stage.CELL_GAIN,
+    name="gain_drift", count=6, act=act, linear=True, stage=Stage.CELL_GAIN,
     part="load cell", scope="run", prior=part_of_wrench(0.005),
     words=CauseWords(
         "gain drift", "the load cell's gains changed by {} over the run", "let it warm up", every(100.0, "%")

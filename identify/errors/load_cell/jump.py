@@ -15,7 +15,7 @@ def act(state: RigState, jumps: Numbers) -> RigState:
 
 
 JUMP = ErrorModel(
-    name="jump", count=6 * len(STEPS), act=act, stage=Stage.CELL_ZERO,
+    name="jump", count=6 * len(STEPS), act=act, linear=True, stage=Stage.CELL_ZERO,
     part="load cell", scope="run", needs=frozenset({"zero"}),
     prior=part_of_wrench(0.02), words=CauseWords("jump", "the load cell's zeros jumped", "record again"),
 )  # fmt: skip

@@ -18,6 +18,7 @@ NONLINEARITY = ErrorModel(
     name="nonlinearity",
     count=6,
     act=act,
+    linear=True,
     stage=Stage.CELL_GAIN,
     part="load cell",
     prior=part_of_wrench(0.005),

@@ -32,7 +32,7 @@ def act(state: RigState, changes: Numbers) -> RigState:
 
 
 WARMING = ErrorModel(
-    name="warming", count=6 * COUNT, act=act, stage=Stage.CELL_ZERO,
+    name="warming", count=6 * COUNT, act=act, linear=True, stage=Stage.CELL_ZERO,
     part="load cell", scope="run", needs=frozenset({"zero"}),
     prior=fixed(*np.tile(SIZES, COUNT)),
     words=CauseWords(

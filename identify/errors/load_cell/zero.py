@@ -22,6 +22,7 @@ def act(state: RigState, zero: Numbers) -> RigState:
 
 
 ZERO = ErrorModel(
-    name="zero", count=6, act=act, stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
+    name="zero", count=6, act=act, linear=True,
+    stage=Stage.CELL_ZERO, part="load cell", scope="run", needs=frozenset({"zero"}),
     unknowns=("force_offset", "moment_offset"), by_hand=True,
 )  # fmt: skip

@@ -22,6 +22,7 @@ AIR = ErrorModel(
     name="air",
     count=6,
     act=act,
+    linear=True,
     stage=Stage.SURROUNDINGS,
     part="rig",
     prior=part_of_wrench(0.02),

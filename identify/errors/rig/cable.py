@@ -23,7 +23,8 @@ def _pull(values: np.ndarray, spread: np.ndarray) -> str:
 
 
 CABLE = ErrorModel(
-    name="cable", count=18, act=act, stage=Stage.SURROUNDINGS, part="rig", scope="run", needs=frozenset({"mounting"}),
+    name="cable", count=18, act=act, linear=True,
+    stage=Stage.SURROUNDINGS, part="rig", scope="run", needs=frozenset({"mounting"}),
     prior=part_of_wrench(0.02),
     words=CauseWords("cable", "a cable pulled with up to {}", "lay it loosely, or carry it along", _pull),
 )  # fmt: skip

@@ -20,7 +20,7 @@ def act(state: RigState, more: Numbers) -> RigState:
 
 
 GRAVITY = ErrorModel(
-    name="gravity", count=1, act=act, stage=Stage.SURROUNDINGS,
+    name="gravity", count=1, act=act, linear=True, stage=Stage.SURROUNDINGS,
     part="rig", unknowns=("gravity",), by_hand=True, declared_as=("gravity", "bias"),
     typical=TYPICAL,
 )  # fmt: skip

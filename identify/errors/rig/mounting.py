@@ -37,9 +37,8 @@ def act(state: RigState, flexibility: Numbers) -> RigState:
     """
     true, r = state.true, state.true.r_cg
     about_q = true.inertia[[0, 3, 5]] + true.mass * (r @ r - r**2)
-    moment = state.wrench[:, 3:]
-    angle = -(moment - moment.mean(axis=0)) / about_q * flexibility
-    rate, acceleration = state.slopes(angle, 2)
+    moments = state.wrench[:, 3:] - state.wrench[:, 3:].mean(axis=0), *(w[:, 3:] for w in state.slopes("wrench", 2))
+    angle, rate, acceleration = (-moment / about_q * flexibility for moment in moments)
     turn = exponentials(angle)
     to_body = lambda vectors: np.einsum("nji,nj->ni", turn, vectors)  # noqa: E731
     omega = to_body(true.omega)

@@ -25,7 +25,7 @@ def _prior(state: RigState, columns: Columns) -> Numbers:
 
 
 WEIGHT = ErrorModel(
-    name="weight", count=1, act=act, stage=Stage.SURROUNDINGS,
+    name="weight", count=1, act=act, linear=True, stage=Stage.SURROUNDINGS,
     part="rig", needs=frozenset({"accelerometer"}), prior=_prior,
     words=CauseWords(
         "weight", "the weight alone, not the inertia, were off by {}",
