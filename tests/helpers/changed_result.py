@@ -27,6 +27,7 @@ def changed(result: Identification, **figures: Any) -> Identification:
         figures: ``covariance`` and ``interval95`` of the tensor, ``covariance_of_ten``, ``intervals95``, ``sigma_r_cg``
             and ``mass_uncertainty`` (uncorrelated), or a value.
     """
+    value_alone = figures.keys() <= {"mass", "r_cg", "inertia"}
     ten, intervals = result.parameters, result.intervals95.copy()
     covariance = np.array(figures.pop("covariance_of_ten", ten.covariance))
     if "covariance" in figures:
@@ -44,6 +45,8 @@ def changed(result: Identification, **figures: Any) -> Identification:
     for name, where in (("mass", 0), ("r_cg", slice(1, 4)), ("inertia", slice(4, 10))):
         value[where] = figures.pop(name, value[where])
     assert not figures
+    if value_alone:
+        return replace(result, value=value)
     typical = result.ledger.of("typical").rows
     return replace(result, value=value, ledger=ledger_of(value, covariance, intervals).joined(typical))
 
