@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import ErrorModel
+from identify.errors.error_model import CELL_MATRIX, ErrorModel
 from identify.errors.rig_state import Beliefs, RigState, TrueMotion
 from identify.joint.joint_model import BY_ACT
 from identify.joint.predicted_wrench import Columns, PredictedWrench
@@ -48,6 +48,8 @@ class ErrorColumns:
             return np.zeros((len(self.run.signals.t), 6, error.count))
         if error.by_hand:
             return np.concatenate([self.run.derivative(name) for name in error.unknowns], axis=2)
+        if error.unknowns == CELL_MATRIX:
+            return self.run.derivative(*CELL_MATRIX) @ error.by_cell_matrix
         return self.by_act(error)
 
     def by_act(self, error: ErrorModel) -> Columns:
