@@ -73,6 +73,10 @@ def noise_expectation(
         omega: covariance of the noise of omega at one sample [rad²/s²].
         alpha: covariance of the noise of the differentiator's alpha [rad²/s⁴].
         fourth_order: whether products of four noises count; else the second order alone, ``½ tr(H Σ)``.
+
+    A product of two products of omega has noise to the fourth power, whose expectation is a sum over pairings
+    (Isserlis). The second order holds each pair of noises beside the two signals that are left. With these replaced by
+    their own noise, each pairing stands there twice: hence the half.
     """
     xp = library_of(omega, alpha)
     terms = xp.einsum("kmcijf,cij->kmf", expectation_terms(), xp.stack([omega, alpha]))

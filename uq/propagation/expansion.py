@@ -161,6 +161,8 @@ def expand(maps: ErrorMaps, sums: RunSums, noise: NoiseExpectation) -> Expansion
         noise: what the gyro's noise adds to expected sums; zero for the noise-free run.
     """
     gram, moment = mapped_sums(maps, delayed(sums, maps.delay))
+    # the equations q are linear in the mapped sums, so that their derivatives are q of the sums' derivatives; then the
+    # chain rule: x_ij = Σ_k x_k q_k,ij + Σ_kl x_kl q_k,i q_l,j
     equations, slopes, curvature = (packed_equations(*parts, noise) for parts in zip(gram, moment, strict=True))
     value, first, twice = solution_series(equations)
     hessian = np.moveaxis(curvature @ first.T, -1, 0) + slopes @ twice @ slopes.T

@@ -197,7 +197,8 @@ def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[np.ndarray,
 def square_root(covariance: Float[np.ndarray, "*sets k k"]) -> Float[np.ndarray, "*sets k k"]:
     """Return a square root of each covariance: of its correlations the symmetric one, which alone is continuous.
 
-    Eigenvectors of equal values are the rounding's choice, and so would be the draws of a seed.
+    Of correlations, since the sums differ in size by powers of ten, and rounding is told by size. Eigenvectors of equal
+    values are the rounding's choice, and so would be the draws of a seed.
     """
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0))
     inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
@@ -245,8 +246,11 @@ def _crossed_noise(
     """Return what the load cell's noise draws where the gyro is noisy, too.
 
     The right side ``Ωᵀ e`` is ``Ω₀ᵀ e + Σ N_gᵀ e`` for a true regressor and the noise of each source of the gyro's in
-    it, terms that are uncorrelated. They are weighted by the root of the covariance of their sum, so that they do not
-    change its distribution.
+    it, terms that are uncorrelated, of covariances ``A₀ = Σ Ω₀ᵀ S Ω₀`` and ``A_g = E Σ N_gᵀ S N_g``. With R a root of
+    ``A₀ + Σ A_g``, the weights ``W = R⁻¹ root(A)`` have ``Σ W Wᵀ = 1``: numbers so weighted are standard normal
+    again, so that a trial may map them by the root of its own covariance, and no case's distribution changes. Drawn
+    without them, cases with and without the gyro's noise would share too much, and a budget would miss what both
+    noises make together.
 
     Args:
         noises: of the gyro, by source.
