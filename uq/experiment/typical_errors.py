@@ -59,11 +59,11 @@ def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Expe
         if figure is None or not error.kind:
             continue
         kind = kind_of(error.target, error.kind)
-        is_fraction = len(kind.wholes(error.target, None)) < math.prod(kind.shape)
+        is_fraction = len(kind.figures(error.target).wholes(None)) < math.prod(kind.shape)
         if is_fraction and not all(largest):
             continue
         stated = np.array(figure) if is_fraction else np.full(kind.shape, figure)
-        sigma = kind.placed(stated, np.repeat(largest, 3))
+        sigma = kind.figures(error.target).placed(stated, np.repeat(largest, 3))
         source = Source(name=name, target=error.target, kind=error.kind, group="undeclared", sigma=sigma)
         if (source.perturbs, source.signal) in declared:
             continue

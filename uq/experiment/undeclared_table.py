@@ -7,7 +7,7 @@ import msgspec
 from identify.judge.typical_sizes import TYPICAL
 from rig.toml_tables import TomlTable, read_value, written
 from uq.files.schema import in_unit, quantity_schema
-from uq.sources.source import part_of
+from uq.sources.draw_figures import part_of
 
 
 def typical(unit: str) -> msgspec.Meta:

@@ -20,7 +20,8 @@ from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.prepared_run import PreparedRun
 from uq.propagation.undrawn_errors import undrawn_errors, without_undrawn
-from uq.sources.source import Source, part_of
+from uq.sources.draw_figures import part_of
+from uq.sources.source import Source
 
 LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
 """Factors on the variance of the gyro's noise, from a hundredth to a hundred; 1 is in the middle."""
