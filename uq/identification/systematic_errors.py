@@ -31,7 +31,7 @@ from identify.signals.run import Run, RunError
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.error_maps import Platform, WrenchBasis
 from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.identification.centre_errors import (
     Shared,
@@ -72,7 +72,7 @@ class SystematicProblem(Pytree):
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    columns: Columns
+    basis: WrenchBasis
     centre_by_draw: dict[str, Float[Array, "3 n"]]
     """Change of the static poses' centre of gravity by each source's draw, which it already holds [m]."""
     redrawn: frozenset[str] = static_field()
@@ -205,8 +205,8 @@ def problem_of(
     mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(sources, slopes=slopes)
-    columns = Columns.of(sources)
-    fit = result.estimator, result.r_cg, result.inertia, columns
+    basis = WrenchBasis.of(sources)
+    fit = result.estimator, result.r_cg, result.inertia, basis
     sums = [
         run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
         for run, fitted in zip(runs, result.runs, strict=True)
@@ -219,7 +219,7 @@ def problem_of(
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
-        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, columns=columns,
+        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, basis=basis,
         centre_by_draw={name: shared.by_draw for name, shared in _shared(result, sources, mixing, redrawn).items()},
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
@@ -308,12 +308,12 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
     for sums, error in zip(problem.sums, errors, strict=True):
         if problem.offsets == "still":
             error = error._replace(cell_bias=np.zeros(6))
-        columns = problem.columns.map(problem.body, problem.platform, error)
+        wrench_map = problem.basis.map(problem.body, problem.platform, error)
         r_cg = problem.body.r_cg_from_q + error.r_cg
         if problem.weighed:
-            matrix, side = weighed_equations(sums, error, columns, r_cg)
+            matrix, side = weighed_equations(sums, error, wrench_map, r_cg)
         else:
-            matrix, side = normal_equations(measured(sums, error, columns), r_cg)
+            matrix, side = normal_equations(measured(sums, error, wrench_map), r_cg)
         normal, right = normal + matrix, right + side
     return normal, right
 

@@ -38,7 +38,7 @@ from uq.gram_sums.case_equations import (
     weighted_sums,
 )
 from uq.gram_sums.cases import Case
-from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis, gyro_map
 from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import Mixing, constant_coordinates, constant_key, constants_at, draw_constants, stream_number
@@ -109,7 +109,7 @@ class SumsEngine(Engine):
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    columns: Columns = static_field()
+    basis: WrenchBasis = static_field()
     sums: RunSums
     """Sums of all estimators, without noise."""
     expectation: NoiseExpectation
@@ -230,7 +230,7 @@ def _case(
         jnp.eye(3)[:, :, None] if gyro is None else gyro, jnp.asarray(gyro_errors.gyro_bias),
         jnp.asarray(gyro_errors.gyro_drift) if drifts else None,
     )  # fmt: skip
-    cell = _by_trial(partial(engine.columns.map, engine.body, engine.platform), drawn, CELL_MAPS)
+    cell = _by_trial(partial(engine.basis.map, engine.body, engine.platform), drawn, CELL_MAPS)
     r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
 
     def estimator(k: Int[Array, ""]) -> Float[Array, "6 trials"]:

@@ -23,7 +23,7 @@ from uq.gram_sums.case_equations import (
     weighted_sums,
 )
 from uq.gram_sums.cases import Case, Estimator
-from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.error_maps import WrenchBasis, true_elements
 from uq.gram_sums.noise_moments import RunMoments, filtered_backwards, run_moments
 from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
@@ -66,7 +66,7 @@ def true_run(setting: TrialSetting) -> TrueRun:
     on_host = jax.tree.map(np.asarray, motion)
     t, rate = on_host.t - on_host.t[0], (len(on_host.t) - 1) / (on_host.t[-1] - on_host.t[0])
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
-    wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
+    wrench = WrenchBasis.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
     low, high = delay_range(sources)
     middle = (low + high) / 2
@@ -119,7 +119,7 @@ def prepare_sums(run: TrueRun, setting: TrialSetting, cases: Sequence[Case], mom
     cell = _cell_streams(sources, mixing, cases, run)
     return SumsEngine(
         cases=cases, body=body, platform=setting.platform, sources=tuple(sources), mixing=tuple(mixing),
-        columns=Columns.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
+        basis=WrenchBasis.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
         crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
 
