@@ -34,11 +34,12 @@ def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Expe
             continue
         target, name = error.declared_as
         kind = kind_of(target, name)
-        is_fraction = len(kind.wholes(target, None)) < math.prod(kind.shape)
+        figures = kind.figures(target)
+        is_fraction = len(figures.wholes(None)) < math.prod(kind.shape)
         if is_fraction and not all(largest):
             continue
         stated = np.array(figure) if is_fraction else np.full(kind.shape, figure)
-        sigma = kind.placed(stated, np.repeat(largest, 3))
+        sigma = figures.placed(stated, np.repeat(largest, 3))
         source = Source(name=error.name, target=target, kind=name, group="undeclared", sigma=sigma)
         if (source.perturbs, source.signal) in declared:
             continue

@@ -8,7 +8,7 @@ from identify.errors.error_model import TypicalSize
 from identify.errors.registry import ERRORS
 from rig.toml_tables import TomlTable, read_value, written
 from uq.files.schema import in_unit, quantity_schema
-from uq.sources.source import part_of
+from uq.sources.draw_figures import part_of
 
 
 def typical(unit: str) -> msgspec.Meta:

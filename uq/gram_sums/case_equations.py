@@ -73,6 +73,10 @@ def noise_expectation(
         omega: covariance of the noise of omega at one sample [rad²/s²].
         alpha: covariance of the noise of the differentiator's alpha [rad²/s⁴].
         fourth_order: whether products of four noises count; else the second order alone, ``½ tr(H Σ)``.
+
+    A product of two products of omega has noise to the fourth power, whose expectation is a sum over pairings
+    (Isserlis). The second order holds each pair of noises beside the two signals that are left. With these replaced by
+    their own noise, each pairing stands there twice: hence the half.
     """
     xp = library_of(omega, alpha)
     terms = xp.einsum("kmcijf,cij->kmf", expectation_terms(), xp.stack([omega, alpha]))
@@ -139,7 +143,7 @@ def equations_of(
     sums: FeatureSums,
     features: Float[Array, "13 elements *#trials"],
     noise: NoiseExpectation,
-    cell: Float[Array, "6 columns *#trials"] | None,
+    cell: Float[Array, "6 functions *#trials"] | None,
     cell_bias: Float[Array, "6 *#trials"],
     r_cg: Float[Array, "3 *#trials"],
 ) -> Equations:
@@ -149,7 +153,7 @@ def equations_of(
         sums: over the elements.
         features: the gyro's map, of :func:`feature_map`.
         noise: what the gyro's noise adds on the average: it is not mapped, since it arises behind the sensor's axes.
-        cell: the load cell's map, of :meth:`uq.gram_sums.error_maps.Columns.map`; None: nothing.
+        cell: the load cell's map, of :meth:`uq.gram_sums.error_maps.WrenchBasis.map`; None: nothing.
         cell_bias: its offset [N, N·m].
         r_cg: believed centre of gravity from Q, in B [m].
     """

@@ -44,19 +44,22 @@ class Platform(Pytree):
     """Believed centre of gravity from the point that keeps still, in B [m]."""
 
 
-class Columns(Pytree):
-    """The functions of time, besides the true wrench, that make up the measured wrench: those that the sources need."""
+class WrenchBasis(Pytree):
+    """The true wrench and other functions of time, of which constant errors make up the measured wrench linearly.
+
+    Those that the sources need: time itself for a drift, and :func:`functions_of` the motion for errors of the rig.
+    """
 
     time: bool = static_field()
     motion: bool = static_field()
 
     @classmethod
-    def of(cls, sources: Sequence[Source]) -> "Columns":
+    def of(cls, sources: Sequence[Source]) -> "WrenchBasis":
         """Return the functions that these sources need."""
         names = perturbed(sources)
         return cls("cell_drift" in names, bool(names & OF_THE_RIG))
 
-    def sampled(self, body: Body, motion: Motion, begin: Array | float | None = None) -> Float[Array, "columns n"]:
+    def sampled(self, body: Body, motion: Motion, begin: Array | float | None = None) -> Float[Array, "functions n"]:
         """Return the true wrench (force, moment) at each sample, then the other functions.
 
         Args:
@@ -69,8 +72,8 @@ class Columns(Pytree):
         xp = motion.omega.__array_namespace__()
         return xp.concat([*true, *time, *([functions_of(motion)] if self.motion else [])])
 
-    def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 columns"]:
-        """Return the matrix that gives the measured wrench, without offset and noise, from the columns."""
+    def map(self, body: Body, platform: Platform, errors: Errors) -> Float[Array, "6 functions"]:
+        """Return the matrix that gives the measured wrench, without offset and noise, from the basis."""
         sensed = cell_map(errors)
         maps = [sensed, *([errors.cell_drift[:, None]] if self.time else [])]
         if self.motion:

@@ -198,7 +198,11 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
 
 
 def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter) -> Float[np.ndarray, "rows n"]:
-    """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter."""
+    """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter.
+
+    ``Σ_t J_t Σ_s l_(t-s) w_s = Σ_s w_s Σ_t l_(t-s) J_t``: a correlation, hence the conjugate spectrum; padded to twice
+    the length, so that the run's end does not reach round to its start.
+    """
     n = terms.shape[1]
     size = scipy.fft.next_fast_len(2 * n, real=True)
     spectrum = np.conj(fft.rfft(filter_.response(n), size))
@@ -208,7 +212,11 @@ def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter)
 def _quadratic_sums(
     algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], first: Mapping, second: Mapping, inner: slice
 ) -> Float[np.ndarray, "2 quadratic quadratic"]:
-    """Return the sums of pairs of monomials with the product of a kernel of the first noise and one of the second."""
+    """Return the sums of pairs of monomials with the product of a kernel of the first noise and one of the second.
+
+    By Isserlis, ``Cov(a b, c d) = E[a c] E[b d] + E[a d] E[b c]`` for normal noises: the plain pairing, then the
+    exchanged one. They are kept apart, since the axes of the noises' covariance, which come in later, pair differently.
+    """
     groups: dict[tuple[int, int], list[int]] = {}
     for k, (_, c, d) in enumerate(algebra.quadratic):
         groups.setdefault((c, d), []).append(k)

@@ -55,9 +55,10 @@ def packed_equations(
 def solution_series(
     equations: Float[np.ndarray, "27"],
 ) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6 27"], Float[np.ndarray, "6 27 27"]]:
-    """Return ``x = A⁻¹ y``, its first and second derivatives by A's lower triangle and y: ``dx = A⁻¹ (dy - dA x)``.
+    """Return ``x = A⁻¹ y``, its first and second derivatives by A's lower triangle and y.
 
-    All are NaN where A is singular.
+    From ``A x = y``: ``x_i = A⁻¹ (y_i - A_i x)``, and once more ``x_ij = -A⁻¹ (A_i x_j + A_j x_i)``, since A and y are
+    linear in the packed numbers. All are NaN where A is singular.
     """
     matrix = np.tensordot(equations, MATRIX, 1)
     regular = np.linalg.cond(matrix) < CONDITION_LIMIT
@@ -91,7 +92,10 @@ def about_cg(r_cg: Float[ArrayT, "3"]) -> Float[ArrayT, "3 6"]:
 def cell_scatter(
     by_axes: Float[np.ndarray, "... 6 21"], cell: Float[np.ndarray, "... 6 6"], r_cg: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "... 27 27"]:
-    """Return the covariance of the normal equations under the load cell's white noise.
+    """Return the covariance of the normal equations under the load cell's white noise, ``Σ Ωᵀ S Ω`` of the right side.
+
+    S, the covariance of ``M - r × F`` at one sample, is the same at all: so six sums, one a pair of axes, are enough.
+    The matrix ``ΩᵀΩ`` has no noise of the load cell.
 
     Args:
         by_axes: sums of the regressor's rows, pair by pair of axes (:func:`uq.gram_sums.case_equations.sums_by_axes`).

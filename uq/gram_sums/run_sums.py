@@ -32,8 +32,8 @@ class FeatureSums(NamedTuple):
 
     gram: Float[Array, "elements elements *#trials"]
     """Sums of products of the elements of :func:`uq.gram_sums.case_equations.feature_map`."""
-    wrench: Float[Array, "elements columns *#trials"]
-    """Sums of the elements' products with the columns of :class:`uq.gram_sums.error_maps.Columns`."""
+    wrench: Float[Array, "elements functions *#trials"]
+    """Sums of the elements' products with the functions of :class:`uq.gram_sums.error_maps.WrenchBasis`."""
 
 
 class RunSums(NamedTuple):
@@ -41,8 +41,8 @@ class RunSums(NamedTuple):
 
     gram: Float[Array, "powers *estimators rows elements"]
     """Sums of products of the elements, or of other rows with the elements."""
-    wrench: Float[Array, "powers *estimators rows columns"]
-    """Sums of the same rows' products with the columns of the wrench."""
+    wrench: Float[Array, "powers *estimators rows functions"]
+    """Sums of the same rows' products with the functions of the wrench's basis."""
     middle: Float[Array, ""] | float = 0.0
     """Delay about which the polynomial is [s]."""
     reach: Float[Array, ""] | float = 1.0
@@ -53,7 +53,7 @@ class RunSums(NamedTuple):
         cls,
         nodes: Float[np.ndarray, " nodes"],
         gram: Float[np.ndarray, "nodes *estimators rows elements"],
-        wrench: Float[np.ndarray, "nodes *estimators rows columns"],
+        wrench: Float[np.ndarray, "nodes *estimators rows functions"],
     ) -> "RunSums":
         """Return the polynomial through exact sums at the delays of :func:`delay_nodes` [s], in NumPy."""
         middle, reach = (nodes[0] + nodes[-1]) / 2, (nodes[0] - nodes[-1]) / 2 or 1.0

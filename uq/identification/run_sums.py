@@ -29,7 +29,7 @@ from identify.signals.run import Rest, Run, RunError
 from identify.sums.residual_spectrum import Lines
 from identify.sums.run_lines import unbroken, usable_rows
 from uq.gram_sums.case_equations import feature_map
-from uq.gram_sums.error_maps import Columns, gyro_map, true_elements
+from uq.gram_sums.error_maps import WrenchBasis, gyro_map, true_elements
 from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors
 
@@ -51,7 +51,7 @@ def run_sums(
     estimator: EstimatorSpec,
     r_cg: Float[np.ndarray, "3"],
     inertia: Float[np.ndarray, "6"],
-    columns: Columns,
+    basis: WrenchBasis,
     *,
     offsets: OffsetChoice,
     weight: float = 1.0,
@@ -65,7 +65,7 @@ def run_sums(
         estimator: its differentiator and filter.
         r_cg: centre of gravity from Q, in B [m].
         inertia: packed tensor about the centre of gravity [kg·m²].
-        columns: functions of time that the measured wrench is made of.
+        basis: functions of time that the measured wrench is made of.
         offsets: how constant offsets are removed.
         weight: of the run among others.
         delays: of the angular velocity, at which sums are taken [s], of :func:`uq.gram_sums.run_sums.delay_nodes`.
@@ -84,7 +84,7 @@ def run_sums(
             "record for longer, or declare what is known of the delay"
         )
     fixed = None if weighed is None else _in_time(weighed, Lines.of(unbroken(keep), run.rate))[:, reached]
-    inside, up = keep[reached], upward_by_force(run, r_cg) if columns.motion else np.zeros_like(run.force)
+    inside, up = keep[reached], upward_by_force(run, r_cg) if basis.motion else np.zeros_like(run.force)
     products, totals = (
         np.zeros((len(delays), ELEMENTS, ELEMENTS + SIGNALS)),
         np.zeros((len(delays), ELEMENTS + SIGNALS)),
@@ -101,7 +101,7 @@ def run_sums(
             products[k] += (elements if fixed_rows is None else fixed_rows) @ signals.T
             totals[k] += signals.sum(axis=1)
     return sums_of_signals(
-        weight * products, weight * totals, delays=np.asarray(delays), r_cg=r_cg, inertia=inertia, columns=columns,
+        weight * products, weight * totals, delays=np.asarray(delays), r_cg=r_cg, inertia=inertia, basis=basis,
         centred=offsets == "estimate", rest=resting(run) if offsets == "still" else None,
     )  # fmt: skip
 
@@ -145,7 +145,7 @@ def sums_of_signals(
     delays: Float[np.ndarray, " delays"],
     r_cg: Float[np.ndarray, "3"],
     inertia: Float[np.ndarray, "6"],
-    columns: Columns,
+    basis: WrenchBasis,
     centred: bool,
     rest: Rest | None = None,
 ) -> RunSums:
@@ -157,7 +157,7 @@ def sums_of_signals(
         delays: of the angular velocity, at which these are taken [s].
         r_cg: centre of gravity from Q, in B [m].
         inertia: packed tensor about the centre of gravity [kg·m²].
-        columns: functions of time that the measured wrench is made of.
+        basis: functions of time that the measured wrench is made of.
         centred: whether the signals' means are taken off.
         rest: readings of the load cell that are taken off; None: none.
     """
@@ -167,8 +167,8 @@ def sums_of_signals(
         force[:, 0] -= rest.force
     moment[:, FEATURES] = np.einsum("fai,i->af", OMEGA_R_OF_FEATURES, inertia)
     moment += np.cross(r_cg, force, axisb=0, axisc=0)
-    parts = [force, moment, *([signal[10:11]] if columns.time else [])]
-    if columns.motion:
+    parts = [force, moment, *([signal[10:11]] if basis.time else [])]
+    if basis.motion:
         parts += [signal[4:10], signal[15:18], np.zeros((6, SIGNALS)), signal[UP]]
     if centred:
         products = products - products[:, :, :1] * (totals / totals[:, :1])[:, None]
@@ -180,34 +180,34 @@ def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndar
     return np.stack([lines.samples(column) for column in weighed.reshape(len(weighed), -1).T])
 
 
-def measured(sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"]) -> Sums:
+def measured(sums: RunSums, errors: Errors, wrench_map: Float[Array, "6 functions"]) -> Sums:
     """Return the sums of the signals of sensors with these errors.
 
     Args:
         sums: of the run.
         errors: constant errors.
-        columns: what they make of the wrench, :meth:`uq.gram_sums.error_maps.Columns.map`.
+        wrench_map: what they make of the wrench, :meth:`uq.gram_sums.error_maps.WrenchBasis.map`.
     """
     gram, wrench = _delayed(sums, errors)
     elements = _features(errors)
-    both = elements @ (wrench @ columns.T) + (elements @ gram[:, 0])[:, None] * errors.cell_bias[None]
+    both = elements @ (wrench @ wrench_map.T) + (elements @ gram[:, 0])[:, None] * errors.cell_bias[None]
     return Sums(elements @ gram @ elements.T, both[:, :3], both[:, 3:])
 
 
 def weighed_equations(
-    sums: RunSums, errors: Errors, columns: Float[Array, "6 columns"], r_cg: Float[Array, "3"]
+    sums: RunSums, errors: Errors, wrench_map: Float[Array, "6 functions"], r_cg: Float[Array, "3"]
 ) -> tuple[Float[Array, "6 6"], Float[Array, "6"]]:
     """Return ``Hᵀ Omega_R'`` and ``Hᵀ (M' - r' × F')`` of the signals of sensors with these errors.
 
     Args:
         sums: of the run, with H.
         errors: constant errors.
-        columns: what they make of the wrench.
+        wrench_map: what they make of the wrench.
         r_cg: believed centre of gravity, ``r'`` [m].
     """
     gram, wrench = _delayed(sums, errors)
     rows = (gram @ _features(errors).T).reshape(3, 6, -1)
-    both = (wrench @ columns.T + gram[:, :1] * errors.cell_bias[None]).reshape(3, 6, 6)
+    both = (wrench @ wrench_map.T + gram[:, :1] * errors.cell_bias[None]).reshape(3, 6, 6)
     xp = library_of(both, r_cg)
     about_cg = both[..., 3:] - xp.cross(r_cg, both[..., :3])
     return library_of(rows).einsum("apk,kaq->pq", rows, OMEGA_R_OF_FEATURES), xp.einsum("apa->p", about_cg)

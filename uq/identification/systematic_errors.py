@@ -26,7 +26,7 @@ from identify.signals.run import Run, RunError
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.error_maps import Platform, WrenchBasis
 from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.identification.estimated_errors import draw_root
 from uq.identification.run_sums import measured, run_sums, weighed_equations
@@ -69,7 +69,7 @@ class SystematicProblem(Pytree):
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    columns: Columns
+    basis: WrenchBasis
     sources_of_poses: tuple[Source, ...]
     """Sources that act on the sums and have acted on the static poses, too; they are not drawn."""
     redrawn: frozenset[str] = static_field()
@@ -234,8 +234,8 @@ def problem_of(
     mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(acting, slopes=slopes)
-    columns = Columns.of(acting)
-    fit = result.estimator, result.r_cg, result.inertia, columns
+    basis = WrenchBasis.of(acting)
+    fit = result.estimator, result.r_cg, result.inertia, basis
     sums = [
         run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)
         for run, fitted in zip(runs if acting else (), result.runs, strict=bool(acting))
@@ -248,7 +248,7 @@ def problem_of(
     platform = Platform(np.array(experiment.gravity), np.zeros(3))
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
-        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, columns=columns,
+        sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, basis=basis,
         sources_of_poses=of_poses,
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
@@ -320,12 +320,12 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
     for sums, error in zip(problem.sums, errors, strict=True):
         if problem.offsets == "still":
             error = error._replace(cell_bias=np.zeros(6))
-        columns = problem.columns.map(problem.body, problem.platform, error)
+        wrench_map = problem.basis.map(problem.body, problem.platform, error)
         r_cg = problem.body.r_cg_from_q + error.r_cg
         if problem.weighed:
-            matrix, side = weighed_equations(sums, error, columns, r_cg)
+            matrix, side = weighed_equations(sums, error, wrench_map, r_cg)
         else:
-            matrix, side = normal_equations(measured(sums, error, columns), r_cg)
+            matrix, side = normal_equations(measured(sums, error, wrench_map), r_cg)
         normal, right = normal + matrix, right + side
     return normal, right
 

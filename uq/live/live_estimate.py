@@ -21,7 +21,7 @@ from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
-from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform
+from uq.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis
 from uq.identification.run_sums import FEATURES, FORCE, MOMENT, sums_of_signals
 from uq.identification.systematic_errors import Systematic, SystematicProblem, propagated
 from uq.identification.undeclared import tensor_changes
@@ -216,16 +216,16 @@ def _problem(
 ) -> SystematicProblem:
     """Return the problem of the sources' draws, from the sums."""
     names = {source.name for source in sources}
-    columns, r_cg = Columns.of(sources), experiment.stated_r_cg
+    basis, r_cg = WrenchBasis.of(sources), experiment.stated_r_cg
     of_run = sums_of_signals(
-        sums.delayed, sums.delayed[:, 0], delays=sums.delays, r_cg=r_cg, inertia=inertia, columns=columns, centred=True
+        sums.delayed, sums.delayed[:, 0], delays=sums.delays, r_cg=r_cg, inertia=inertia, basis=basis, centred=True
     )
     mass = experiment.mass if experiment.scale is None else experiment.scale[0]
     return SystematicProblem(
         sums=(of_run,), body=Body(np.asarray(mass or 0.0), r_cg, inertia),
         platform=Platform(np.array(experiment.gravity), np.zeros(3)), sources=sources,
         mixing=tuple(mix for mix in experiment.mixing if names & set(mix.names)),
-        columns=columns, sources_of_poses=(), redrawn=frozenset(), offsets="estimate", weighed=False,
+        basis=basis, sources_of_poses=(), redrawn=frozenset(), offsets="estimate", weighed=False,
     )  # fmt: skip
 
 

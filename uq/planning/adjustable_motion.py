@@ -10,7 +10,7 @@ from identify.motion.multisine import Multisine
 from identify.motion.trajectory import SourceTrajectory
 from uq.experiment.experiment import TrajectorySpec
 from uq.planning.required_duration import lasting, shortest
-from uq.propagation.adjustable_law import adjustable, parts_of
+from uq.propagation.adjustable_law import adjustable, contributions_of
 from uq.propagation.experiment_law import PreparedLaw, prepare_law
 from uq.propagation.inputs import constants_of
 
@@ -57,7 +57,7 @@ def _parts(law: PreparedLaw, name: str, spec: TrajectorySpec) -> tuple[np.ndarra
     experiment = dataclasses.replace(law.experiment, trajectories={name: spec}, document={})
     run = prepare_law(experiment, name, law.estimators).runs[name]
     constants = constants_of(experiment.sources, experiment.mixing)
-    return parts_of(experiment, run, constants, spec.rate, np.ones(1)).by_noise()
+    return contributions_of(experiment, run, constants, spec.rate, np.ones(1)).by_noise()
 
 
 def _divisor(values: np.ndarray) -> np.ndarray:

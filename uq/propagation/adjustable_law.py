@@ -20,7 +20,8 @@ from uq.propagation.expansion import Expansion, propagate_case
 from uq.propagation.inputs import CaseInputs, Constants, constants_of, inputs_of_cases
 from uq.propagation.prepared_run import PreparedRun
 from uq.propagation.undrawn_errors import undrawn_errors, without_undrawn
-from uq.sources.source import Source, part_of
+from uq.sources.draw_figures import part_of
+from uq.sources.source import Source
 
 LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
 """Factors on the variance of the gyro's noise, from a hundredth to a hundred; 1 is in the middle."""
@@ -46,7 +47,7 @@ def adjustable(experiment: Experiment, runs: Mapping[str, PreparedRun], estimato
     pairs = []
     for name, run in runs.items():
         spec = experiment.trajectories[name]
-        parts = parts_of(experiment, run, constants, spec.rate)
+        parts = contributions_of(experiment, run, constants, spec.rate)
         _, undrawn = without_undrawn(_all_of(experiment.sources), experiment.sources)
         same = undrawn_errors(experiment, spec, estimators, run, {undrawn})[undrawn]
         parts = parts._replace(rest=parts.rest + same)
@@ -58,8 +59,11 @@ def adjustable(experiment: Experiment, runs: Mapping[str, PreparedRun], estimato
             "sources": [_described(source) for source in experiment.sources], "pairs": pairs}  # fmt: skip
 
 
-class Parts(NamedTuple):
-    """Parts in variance [(kg·m²)²] and mean [kg·m²]: estimators, levels of the gyro's noise, sources, components."""
+class Contributions(NamedTuple):
+    """Contributions to variance [(kg·m²)²] and mean error [kg·m²].
+
+    The axes are estimators, levels of the gyro's noise, sources, components.
+    """
 
     first: np.ndarray
     """Part of the variance that grows with the square of a source's factor."""
@@ -89,9 +93,9 @@ class Parts(NamedTuple):
         )
 
 
-def parts_of(
+def contributions_of(
     experiment: Experiment, run: PreparedRun, constants: Constants, rate: float, levels: np.ndarray = LEVELS
-) -> Parts:
+) -> Contributions:
     """Return the parts of one run's sources, all of them acting, at factors on the variance of the gyro's noise."""
     sources = experiment.sources
     random, _ = without_undrawn(_all_of(sources), sources)
@@ -110,7 +114,7 @@ def parts_of(
     joint = _joint(run, constants, inputs, both, expected, gyro)
     rest = quiet.value - nominal - means.sum(axis=1)
     level = levels[:, None]
-    return Parts(
+    return Contributions(
         first=effects.first, second=effects.second, mean=effects.mean, gyro=share,
         gyro_variance=effects.gyro_variance / level, gyro_mean=(effects.gyro_value - quiet.value[:, None]) / level,
         expected=means, rest=rest, joint=joint,
@@ -177,7 +181,7 @@ def _diagonal(matrices: np.ndarray) -> np.ndarray:
     return np.diagonal(matrices, axis1=-2, axis2=-1)
 
 
-def _written(parts: Parts, estimator: int) -> dict[str, Any]:
+def _written(parts: Contributions, estimator: int) -> dict[str, Any]:
     """One estimator's numbers, in g·m²."""
     square = GRAM_METRE**2
     return {

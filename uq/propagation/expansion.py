@@ -24,7 +24,7 @@ from uq.gram_sums.case_equations import (
     feature_map,
     symmetric,
 )
-from uq.gram_sums.error_maps import Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
 from uq.gram_sums.packed_equations import packed_equations, solution_series
 from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, no_errors, unravel
@@ -60,21 +60,21 @@ class ErrorMaps(NamedTuple):
     features: Any
     """Matrix that gives the features of the measured omega from the elements, (13, 18)."""
     moment: Any
-    """Matrix that gives the measured ``M - r × F`` from the columns and 1, (3, columns + 1)."""
+    """Matrix that gives the measured ``M - r × F`` from the basis and 1, (3, functions + 1)."""
     delay: Any
     """Delay of the gyro [s]."""
 
 
-def error_maps(body: Body, platform: Platform, columns: Columns, errors: Errors) -> ErrorMaps:
+def error_maps(body: Body, platform: Platform, basis: WrenchBasis, errors: Errors) -> ErrorMaps:
     """Return the maps of the sums that constant errors make.
 
     Args:
         body: that is moved.
         platform: what carries it.
-        columns: the functions of time of which the wrench is made.
+        basis: the functions of time of which the wrench is made.
         errors: of the experiment.
     """
-    cell, bias = columns.map(body, platform, errors), errors.cell_bias[:, None]
+    cell, bias = basis.map(body, platform, errors), errors.cell_bias[:, None]
     force, moment = library_of(cell, bias).concat([cell, bias], axis=1).reshape(2, 3, -1)
     return ErrorMaps(
         feature_map(gyro_map(errors), errors.gyro_bias, errors.gyro_drift),
@@ -87,7 +87,7 @@ def error_maps(body: Body, platform: Platform, columns: Columns, errors: Errors)
 def map_series(
     body: Body,
     platform: Platform,
-    columns: Columns,
+    basis: WrenchBasis,
     expected: Float[Array, " e"],
     errors: Float[Array, "e d"],
     fields: Collection[str],
@@ -97,7 +97,7 @@ def map_series(
     Args:
         body: that is moved.
         platform: what carries it.
-        columns: the functions of time of which the wrench is made.
+        basis: the functions of time of which the wrench is made.
         expected: errors, :class:`uq.sources.constant_errors.Errors` raveled.
         errors: how they follow from the d numbers that are drawn.
         fields: those of the errors that may not be zero; of the others nothing is computed.
@@ -106,7 +106,7 @@ def map_series(
     def maps(numbers):
         acting = unravel(expected + errors @ numbers)._asdict()
         given = {field: acting[field] for field in fields}
-        value = error_maps(body, platform, columns, no_errors()._replace(**given))
+        value = error_maps(body, platform, basis, no_errors()._replace(**given))
         return value, value
 
     def slopes(numbers):
@@ -161,6 +161,8 @@ def expand(maps: ErrorMaps, sums: RunSums, noise: NoiseExpectation) -> Expansion
         noise: what the gyro's noise adds to expected sums; zero for the noise-free run.
     """
     gram, moment = mapped_sums(maps, delayed(sums, maps.delay))
+    # the equations q are linear in the mapped sums, so that their derivatives are q of the sums' derivatives; then the
+    # chain rule: x_ij = Σ_k x_k q_k,ij + Σ_kl x_kl q_k,i q_l,j
     equations, slopes, curvature = (packed_equations(*parts, noise) for parts in zip(gram, moment, strict=True))
     value, first, twice = solution_series(equations)
     hessian = np.moveaxis(curvature @ first.T, -1, 0) + slopes @ twice @ slopes.T

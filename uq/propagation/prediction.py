@@ -20,7 +20,7 @@ from uq.campaign.trial_setup import platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.gram_sums.case_equations import noise_expectation
 from uq.gram_sums.cases import cases_of
-from uq.gram_sums.error_maps import Columns, Platform, true_elements
+from uq.gram_sums.error_maps import Platform, WrenchBasis, true_elements
 from uq.gram_sums.packed_equations import about_cg, packed_equations
 from uq.gram_sums.run_sums import RunSums
 from uq.propagation.expansion import error_maps, mapped_sums, tensor_of
@@ -55,7 +55,7 @@ class Prediction(Pytree):
     """Variance of omega's white noise at one sample [rad²/s²]."""
     rate: float = static_field()
     """Sample rate of the sensors [Hz]."""
-    columns: Columns = static_field()
+    basis: WrenchBasis = static_field()
 
     @classmethod
     def of(cls, experiment: Experiment, spec: TrajectorySpec) -> "Prediction":
@@ -74,7 +74,7 @@ class Prediction(Pytree):
             expected=jnp.asarray(constants.errors @ constants.mean),
             directions=jnp.asarray((constants.errors * constants.sigma) @ root_of(constants.correlation)),
             wrench=jnp.asarray(inputs.wrench[0]), gyro=jnp.asarray(inputs.gyro[0]), rate=spec.rate,
-            columns=Columns.of(experiment.sources),
+            basis=WrenchBasis.of(experiment.sources),
         )  # fmt: skip
 
     @jax.jit
@@ -110,7 +110,7 @@ class Prediction(Pytree):
         expectation = noise_expectation(omega_noise, jnp.square(jnp.asarray(gain, float)) * omega_noise)
 
         def estimate(error):
-            maps = error_maps(self.body, self.platform, self.columns, unravel(self.expected + error))
+            maps = error_maps(self.body, self.platform, self.basis, unravel(self.expected + error))
             return tensor_of(packed_equations(*mapped_sums(maps, sums.at(maps.delay)), expectation))
 
         there = self.directions.T
@@ -150,7 +150,7 @@ class Prediction(Pytree):
         ``Σ x'' y = -Σ x' y'``: the second derivative needs no more than the jerk. It is taken of ``M - r × F`` alone.
         """
         t = motion.t - motion.t[0]
-        wrench = jnp.concatenate([self.columns.sampled(self.body, motion), jnp.ones((1, len(t)))])
+        wrench = jnp.concatenate([self.basis.sampled(self.body, motion), jnp.ones((1, len(t)))])
 
         def features(delay):
             omega, alpha = motion.omega - delay * motion.alpha, motion.alpha - delay * jerk

@@ -19,7 +19,7 @@ from identify.rigid_body.inertia import Body
 from uq.campaign.trial_setup import fitted_estimators, platform_of
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
 from uq.gram_sums.case_equations import NO_NOISE
-from uq.gram_sums.error_maps import Columns, Platform
+from uq.gram_sums.error_maps import Platform, WrenchBasis
 from uq.gram_sums.noise_moments import RunMoments
 from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
 from uq.gram_sums.run_sums import FeatureSums, RunSums
@@ -57,7 +57,7 @@ class PreparedRun:
 
     body: Body
     platform: Platform
-    columns: Columns
+    basis: WrenchBasis
     sums: RunSums
     """Sums of every estimator, without noise."""
     moments: RunMoments
@@ -78,7 +78,7 @@ class PreparedRun:
 
     def _expanded(self, expected: np.ndarray, noise: GyroNoise, errors: np.ndarray) -> Expansion:
         fields = tuple(name for name, rows in unravel(np.abs(errors).sum(axis=1))._asdict().items() if np.any(rows))
-        maps = jax.tree.map(np.asarray, map_series(self.body, self.platform, self.columns, expected, errors, fields))
+        maps = jax.tree.map(np.asarray, map_series(self.body, self.platform, self.basis, expected, errors, fields))
         expectation = self.moments.expectation
         return stacked([expand(maps, self.sums.of_estimator(k), expectation(noise, k)) for k in self._estimators])
 
@@ -93,7 +93,7 @@ class PreparedRun:
     def _scattered(self, noise: GyroNoise) -> Scatter:
         moments, undelayed = self.moments, self.sums.at(0.0)
         covariance, linear = moments.covariance(noise), moments.linear_covariance(noise)
-        maps = error_maps(self.body, self.platform, self.columns, no_errors())
+        maps = error_maps(self.body, self.platform, self.basis, no_errors())
 
         def scatter(k: int) -> Scatter:
             gram, moment = mapped_sums(maps, FeatureSums(undelayed.gram[k], undelayed.wrench[k]))
@@ -150,19 +150,19 @@ def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[
     """
     count, platform = len(samples(spec)), platform_of(experiment, spec)
     estimators = fitted_estimators(chosen, spec, count)
-    columns, delayed = Columns.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
+    basis, delayed = WrenchBasis.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
     parts = (
-        experiment.body, platform, (spec.trajectory, spec.duration, spec.rate), estimators, columns, delayed,
+        experiment.body, platform, (spec.trajectory, spec.duration, spec.rate), estimators, basis, delayed,
         jax.config.read("jax_enable_x64"),
     )  # fmt: skip
 
     def summed() -> PreparedRun:
         body = jax.tree.map(np.asarray, experiment.body)
         sums, moments, peaks = run_sums(
-            trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, columns=columns,
+            trajectory=spec.trajectory, count=count, rate=spec.rate, body=body, platform=platform, basis=basis,
             taps=[estimator.taps for estimator in estimators], delayed=delayed,
         )  # fmt: skip
-        return PreparedRun(body=body, platform=platform, columns=columns, sums=sums, moments=moments, peaks=peaks)
+        return PreparedRun(body=body, platform=platform, basis=basis, sums=sums, moments=moments, peaks=peaks)
 
     return RUNS.get(_digest(parts), summed)
 

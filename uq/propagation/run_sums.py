@@ -18,7 +18,7 @@ from identify.motion.trajectory import Motion, Trajectory, sample
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.differentiate import padded_derivative
-from uq.gram_sums.error_maps import Columns, Platform, true_elements
+from uq.gram_sums.error_maps import Platform, WrenchBasis, true_elements
 from uq.gram_sums.noise_moments import PIECE, RunMoments, run_moments
 from uq.gram_sums.run_sums import RunSums
 from uq.propagation.uncovered_sources import Peaks
@@ -61,7 +61,7 @@ class _PieceSums:
 
 def run_sums(
     trajectory: Trajectory, count: int, rate: float, body: Body, platform: Platform, taps: Sequence[Array],
-    columns: Columns, delayed: bool,
+    basis: WrenchBasis, delayed: bool,
 ) -> tuple[RunSums, RunMoments, Peaks]:  # fmt: skip
     """Sum over a run's samples: all that the law depends on, whatever the size of the errors.
 
@@ -72,12 +72,12 @@ def run_sums(
         body: that is moved.
         platform: what carries it.
         taps: every estimator's differentiator.
-        columns: the functions of time that the sources need.
+        basis: the functions of time that the sources need.
         delayed: whether the sums' second order in a delay of the gyro is needed.
     """
     differentiators, still_body = [np.asarray(h) for h in taps], jax.tree.map(np.asarray, body)
     pieces = _pieces(trajectory, count, rate, platform, 3 * max(map(len, differentiators)), delayed)
-    sums = reduce(add, (_summed(piece, count, still_body, columns, differentiators) for piece in pieces))
+    sums = reduce(add, (_summed(piece, count, still_body, basis, differentiators) for piece in pieces))
     steps = max(count - 1, 1)
     largest, moves, rests = (
         dict(zip(SIGNALS, x.reshape(3, 3), strict=True))
@@ -117,11 +117,11 @@ def jerk_of(trajectory: Trajectory, t: Float[Array, " n"]) -> Float[Array, "3 n"
     return jax.vmap(lambda at: jax.jvp(trajectory.alpha, (at,), (jnp.ones_like(at),))[1], out_axes=1)(t)
 
 
-def _summed(piece: _Piece, count: int, body: Body, columns: Columns, taps: Sequence[np.ndarray]) -> _PieceSums:
+def _summed(piece: _Piece, count: int, body: Body, basis: WrenchBasis, taps: Sequence[np.ndarray]) -> _PieceSums:
     motion, reach = piece.motion, max(map(len, taps))
     inner = slice(3 * reach, 3 * reach + PIECE)
     valid = ((piece.numbers >= reach) & (piece.numbers < count - reach)).astype(float)
-    wrench = np.concatenate([columns.sampled(body, motion, 0.0), np.ones((1, len(motion.t)))])
+    wrench = np.concatenate([basis.sampled(body, motion, 0.0), np.ones((1, len(motion.t)))])
     elements = [x[:, inner] * valid[inner] for x in _elements_by_delay(motion, piece.by_delay, taps)]
     gram, with_wrench = _gram_by_delay(*elements), np.array([phi @ wrench[:, inner].T for phi in elements])
     chosen = [np.r_[:15, 15 + 3 * e : 18 + 3 * e] for e in range(len(taps))]

@@ -6,7 +6,6 @@ keys in ``[[source]]``, its effect on a sample or on the sums, its part in the l
 scale factor, a delay …), *noise* (fresh at each sample), or nothing of it is drawn (saturation, quantisation).
 """
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from types import MappingProxyType
@@ -14,15 +13,13 @@ from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 
 import jax
 import jax.numpy as jnp
-import msgspec
 import numpy as np
 from jaxtyping import Array, Float, Key
 
 from identify.pytree import Pytree, static_field
 from identify.rounding import significant
-from rig.toml_tables import read_value, written
-from uq.files.schema import in_unit, quantity_schema, vector_schema
 from uq.sources.distributions import Distribution, Normal
+from uq.sources.draw_figures import DrawFigures, figures, part_of
 from uq.sources.noise_filters import NoisePart
 from uq.sources.random_normals import Index
 
@@ -181,6 +178,8 @@ class ErrorKind:
     """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
     shape: ClassVar[tuple[int, ...]] = (3,)
     """Shape of the draw."""
+    written_as: ClassVar[type[DrawFigures]] = DrawFigures
+    """Form of the draw's figures in ``[[source]]``."""
 
     absence: ClassVar[str] = ""
     """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
@@ -197,8 +196,8 @@ class ErrorKind:
     """Approximation of the error in sums that tell its effect nearly, in words."""
     averages_out: ClassVar[bool] = False
     """Whether the error's effect falls with the length of the run, as that of noise does."""
-    sizes: ClassVar[tuple[str, ...]] = ()
-    """Settings that say how large it is, each by its key in ``[[source]]``."""
+    sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
     perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
     stage: ClassVar[int | None] = None
@@ -206,7 +205,8 @@ class ErrorKind:
 
     def __init_subclass__(cls) -> None:
         """Freeze the kind's tables and register it on each of its targets."""
-        cls.targets, cls.perturbs = MappingProxyType(dict(cls.targets)), MappingProxyType(dict(cls.perturbs))
+        for table in ("targets", "perturbs", "sizes"):
+            setattr(cls, table, MappingProxyType(dict(getattr(cls, table))))
         if cls.name:
             KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
 
@@ -228,14 +228,14 @@ class ErrorKind:
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
 
-        They are its :attr:`sizes`, in the unit of the target, unless the kind says otherwise.
+        They are its :attr:`sizes`, unless the kind says otherwise.
         """
         units = {key: self.unit_of_size(target, key) for key in self.sizes}
         return {key: Annotated[np.ndarray, figures(unit, self.shape, above=0)] for key, unit in units.items()}
 
     def unit_of_size(self, target: str, size: str) -> str:
         """Return the unit in which one of :attr:`sizes` is read."""
-        return self.targets[target]
+        return self.sizes[size].format(self.targets[target])
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the figures that are not drawn, in SI, from the values of :meth:`keys`; None: not stated.
@@ -245,23 +245,9 @@ class ErrorKind:
         """
         return dict(keys)
 
-    def figures(self, target: str, *, least: float | int = -math.inf) -> msgspec.Meta:
-        """Return the annotation of figures of the draw's size, in SI."""
-        return figures(self.targets[target], self.shape, least=least)
-
-    def full_scale(self, target: str) -> msgspec.Meta:
-        """Return the annotation of the full scale, of which a datasheet's per cent are."""
-        return figures(self.targets[target], self.shape, above=0)
-
-    def wholes(self, target: str, full_scale: np.ndarray | None) -> list[float | None]:
-        """Return each axis's full scale in the target's unit, of which a datasheet's per cent are; None: not stated."""
-        if self.targets[target] == "%":
-            return [100.0] * math.prod(self.shape)
-        return [None] * math.prod(self.shape) if full_scale is None else np.atleast_1d(full_scale).tolist()
-
-    def placed(self, figure: np.ndarray, full_scale: np.ndarray | None) -> np.ndarray:
-        """Return figures in SI, one per axis, in the shape of the draw."""
-        return np.asarray(figure.reshape(self.shape))
+    def figures(self, target: str) -> DrawFigures:
+        """Return how figures of the draw's size are written."""
+        return self.written_as(self.targets[target], self.shape)
 
     def resized(self, source: Source, factor: float) -> Source:
         """Return a source whose error is ``factor`` times as large; its expectation stays."""
@@ -383,38 +369,10 @@ def disturbs(other: Source, source: Source) -> bool:
     return other.drawn and (other.signal == source.signal or by_rig)
 
 
-def part_of(unit: str) -> float:
-    """Return how many of the SI unit one of ``unit`` is: what is written in per cent counts as parts of one."""
-    return 0.01 if unit == "%" else 1.0
-
-
 def on_axes(figures: Any) -> str:
     """Return figures of the axes as text; one where all are the same."""
     texts = [figure if isinstance(figure, str) else significant(figure) for figure in np.ravel(figures)]
     return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
-
-
-def figures(
-    unit: str, shape: tuple[int, ...], *, above: float | int = -math.inf, least: float | int = -math.inf
-) -> Any:
-    """Return the annotation of figures in SI that are written in ``unit``: one per axis or one for all axes, or one.
-
-    Args:
-        unit: unit of the figures; relative ones are read in per cent.
-        shape: (3,) or ().
-        above: what each must exceed.
-        least: what none may fall below.
-    """
-    figure: Any = Annotated[float, in_unit(unit, above=above, least=least)]
-
-    def read(path: str, raw: Any) -> np.ndarray:
-        is_vector = shape and not isinstance(raw, str)
-        values = np.array(read_value(path, raw, tuple[figure, figure, figure] if is_vector else figure))
-        return np.full(shape, values * part_of(unit))
-
-    scalar, vector = quantity_schema(unit), vector_schema(unit)
-    either = {"title": f"value or vector in {unit}", "anyOf": [vector, scalar]}
-    return written(read, either if shape else scalar)
 
 
 def strictest(

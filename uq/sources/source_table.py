@@ -24,8 +24,9 @@ from uq.files.units import UnitError, scale
 from uq.sources.correlations import LinkTable, check_correlated, check_correlation, link_of, mixing_of
 from uq.sources.datasheet import datasheet
 from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
+from uq.sources.draw_figures import DrawFigures, part_of
 from uq.sources.draws import Mixing, stream_number
-from uq.sources.source import KINDS, ErrorKind, Source, part_of
+from uq.sources.source import KINDS, ErrorKind, Source
 
 
 class SourceTable(TomlTable, frozen=True, kw_only=True):
@@ -67,10 +68,10 @@ SIZES = {
 
 def draw_keys(kind: ErrorKind, target: str) -> list[tuple[str, Any, None]]:
     """Return the fields that a source of a kind adds to :class:`DrawTable`: those in the unit of its target."""
-    axes = math.prod(kind.shape)
-    forms = dict.fromkeys(("sigma", "half_width", "scale"), kind.figures(target, least=0))
-    forms |= {"full_scale": kind.full_scale(target)}
-    forms |= {} if kind.noise else {"mean": kind.figures(target)}
+    axes, figures = math.prod(kind.shape), kind.figures(target)
+    forms = dict.fromkeys(("sigma", "half_width", "scale"), figures.annotation(least=0))
+    forms |= {"full_scale": figures.full_scale()}
+    forms |= {} if kind.noise else {"mean": figures.annotation()}
     forms |= {"correlation": matrix(axes, axes)} if axes > 1 else {}
     return [
         (key, Annotated[np.ndarray, form, msgspec.Meta(description=SIZES[key])] | None, None)
@@ -116,7 +117,11 @@ def with_distribution(source: Source, table: Any, folder: Path) -> Source:
         drawn = (_from_datasheet if key == "datasheet" else _from_keys)(source, table)
     if source.noise or (stated := getattr(table, "mean", None)) is None:
         return drawn
-    return replace(drawn, mean=np.asarray(drawn.mean + source.error_kind.placed(stated, table.full_scale)))
+    return replace(drawn, mean=np.asarray(drawn.mean + _figures(source).placed(stated, table.full_scale)))
+
+
+def _figures(source: Source) -> DrawFigures:
+    return source.error_kind.figures(source.target)
 
 
 def _refuse_others(table: Any, *keys: str) -> None:
@@ -146,7 +151,7 @@ def _from_keys(source: Source, table: Any) -> Source:
         raise WrongKeyError(key, "add it")
     in_full_scale = ("full_scale",) if figure.shape != kind.shape else ()
     _refuse_others(table, key, "distribution", "degrees_of_freedom", *in_full_scale)
-    return _drawn(source, kind.placed(figure, table.full_scale) / ratio, shape)
+    return _drawn(source, _figures(source).placed(figure, table.full_scale) / ratio, shape)
 
 
 def _drawn(source: Source, sigma: ArrayLike, shape: Distribution) -> Source:
@@ -165,12 +170,12 @@ def _freedom(table: DrawTable, *, needed: bool) -> float:
 
 def _from_datasheet(source: Source, table: Any) -> Source:
     """One statement for all axes, or one for each."""
-    kind = source.error_kind
     for key in ("distribution", "degrees_of_freedom"):
         if getattr(table, key) is not None:
             raise WrongKeyError(key, "leave it out", "is said by the datasheet's figure")
     _refuse_others(table, "datasheet", "full_scale")
-    wholes, unit = kind.wholes(source.target, table.full_scale), kind.targets[source.target]
+    written = _figures(source)
+    wholes, unit = written.wholes(table.full_scale), written.unit
     texts = table.datasheet if isinstance(table.datasheet, tuple) else (table.datasheet,) * len(wholes)
     if len(texts) != len(wholes):
         raise WrongKeyError("datasheet", "write one statement, or one for each axis")
@@ -182,7 +187,7 @@ def _from_datasheet(source: Source, table: Any) -> Source:
     scales, shapes = zip(*map(_standard, stated), strict=True)
     if len({(type(shape), float(shape.degrees_of_freedom)) for shape in shapes}) > 1:
         raise WrongKeyError("datasheet", "write a source for each", "states several distributions")
-    return _drawn(source, kind.placed(np.array(scales) * part_of(unit), table.full_scale), shapes[0])
+    return _drawn(source, written.placed(np.array(scales) * part_of(unit), table.full_scale), shapes[0])
 
 
 def _standard(distribution: Distribution) -> tuple[float, Distribution]:

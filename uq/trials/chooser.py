@@ -12,7 +12,7 @@ Sums have limits: a trial on sums leaves out the noise's third powers, and takes
 (:mod:`uq.trials.sums_engine`). Noise of the gyro may be too large for that, or the trials too skewed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -91,38 +91,27 @@ def engine_of(
         dtype: precision of noise and signals, where samples are drawn.
         points: number of trials and seed, if those on sums are to be quasi-random.
     """
-    body, sources, mixing = setting.body, setting.sources, setting.mixing
-    cases = tuple(cases or cases_of(sources))
-
-    def by_samples(cases: Sequence[Case]) -> SamplesEngine:
-        return prepare_samples(_with_sources_of(setting, cases), cases, dtype)
-
+    cases = tuple(cases or cases_of(setting.sources))
     if engine == "samples":
-        return by_samples(cases), {}
+        return prepare_samples(_with_sources_of(setting, cases), cases, dtype), {}
     run = true_run(setting)
-    standing, reasons = _in_sums(run, sources, mixing, cases)
-    noises = gyro_noises(tuple(standing.values()), mixing, run.rate)
+    standing, reasons = _in_sums(run, setting.sources, setting.mixing, cases)
+    noises = gyro_noises(tuple(standing.values()), setting.mixing, run.rate)
     moments = moments_of(run, list(noises.values()))
-    for case in cases:
-        acting = [noises[name] for name in noises if name in case.sources]
-        cell = [s for s in standing.values() if s.white and not s.of_gyro and s.name in case.sources]
-        if acting and case.name not in reasons:
-            reason = beyond_sums(run, moments, GyroNoise.together(acting), white_covariance(cell, mixing), body)
-            reasons |= {case.name: reason} if reason else {}
-    drawn = {s.name for s in sources if s.drawn}
+    reasons |= _large_noise(run, moments, noises, standing, setting, [c for c in cases if c.name not in reasons])
+    drawn = {s.name for s in setting.sources if s.drawn}
     summed = [case for case in cases if case.name not in reasons]
     sampled = [case for case in cases if case.name in reasons and case.sources & drawn]
     same = [case for case in cases if case.name in reasons and not case.sources & drawn]
     parts: list[Engine] = []
     if summed:
-        stand = [standing[s.name] for s in sources if s.name in standing]
+        stand = [standing[s.name] for s in setting.sources if s.name in standing]
         sums = prepare_sums(run, setting._replace(sources=stand), summed, moments)
         parts.append(sums if points is None else quasi_random(sums, *points))
     if sampled:
-        parts.append(by_samples(sampled))
-    names = {name for case in summed for name in case.sources}
+        parts.append(prepare_samples(_with_sources_of(setting, sampled), sampled, dtype))
     computed = {
-        "in_sums": {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.in_sums_as and s.name in names},
+        "in_sums": _approximations(setting.sources, summed),
         "by_samples": {case.name: reasons[case.name] for case in sampled},
         "once": [case.name for case in same],
     }
@@ -133,6 +122,27 @@ def engine_of(
     places = {case: k for k, case in enumerate([*summed, *sampled, *same])}
     order = tuple(places[case] for case in cases)
     return CombinedEngine(cases=cases, parts=tuple(parts), same=once, order=order), computed
+
+
+def _large_noise(
+    run: TrueRun, moments: RunMoments, noises: Mapping[str, GyroNoise], standing: Mapping[str, Source],
+    setting: TrialSetting, cases: Sequence[Case],
+) -> dict[str, str]:  # fmt: skip
+    """Return why the gyro's noise is beyond sums, by the name of each case in which it is."""
+    reasons = {}
+    for case in cases:
+        acting = [noise for name, noise in noises.items() if name in case.sources]
+        cell = [s for s in standing.values() if s.white and not s.of_gyro and s.name in case.sources]
+        covariance = white_covariance(cell, setting.mixing)
+        if acting and (reason := beyond_sums(run, moments, GyroNoise.together(acting), covariance, setting.body)):
+            reasons[case.name] = reason
+    return reasons
+
+
+def _approximations(sources: Sequence[Source], cases: Sequence[Case]) -> dict[str, str]:
+    """Return what stands in sums for each source that acts in one of these cases, where it does so nearly."""
+    acting = {name for case in cases for name in case.sources}
+    return {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.in_sums_as and s.name in acting}
 
 
 def estimates_without_draws(

@@ -21,7 +21,7 @@ from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
 from uq.gram_sums.cases import Case, Estimator, cases_of
-from uq.gram_sums.error_maps import OF_MOTION, Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import OF_MOTION, Platform, WrenchBasis, gyro_map
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import BLOCK, Mixing, draw_constants, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.random_normals import in_order
@@ -40,12 +40,12 @@ class SamplesEngine(Engine):
     """Instants of the samples [s]."""
     omega: Float[Array, "3 n"]
     """True angular velocity [rad/s]."""
-    wrench: Float[Array, "columns n"]
-    """True wrench and the other functions of :class:`uq.gram_sums.error_maps.Columns`."""
+    wrench: Float[Array, "functions n"]
+    """True wrench and the other functions of :class:`uq.gram_sums.error_maps.WrenchBasis`."""
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
-    columns: Columns = static_field()
+    basis: WrenchBasis = static_field()
     dtype: np.dtype = static_field()
     """Precision of noise and signals; constant errors, sums over blocks and solutions have the default precision."""
     segment = 100
@@ -80,13 +80,13 @@ def prepare_samples(
     setting: TrialSetting, cases: Sequence[Case] | None = None, dtype: str = "float64"
 ) -> SamplesEngine:
     """Keep every sample of a noise-free motion and its wrench; ``cases``: None for all of the breakdown."""
-    motion, sources, columns = setting.motion, setting.sources, Columns.of(setting.sources)
-    wrench = columns.sampled(*jax.tree.map(np.asarray, (setting.body, motion)))
+    motion, sources, basis = setting.motion, setting.sources, WrenchBasis.of(setting.sources)
+    wrench = basis.sampled(*jax.tree.map(np.asarray, (setting.body, motion)))
     return SamplesEngine(
         cases=tuple(cases or cases_of(sources)), body=setting.body, platform=setting.platform,
         trajectory=setting.trajectory, t=motion.t, omega=motion.omega.astype(dtype),
         wrench=jax.device_put(wrench.astype(dtype)), sources=tuple(sources), mixing=tuple(setting.mixing),
-        estimators=tuple(setting.estimators), columns=columns, dtype=np.dtype(dtype),
+        estimators=tuple(setting.estimators), basis=basis, dtype=np.dtype(dtype),
     )  # fmt: skip
 
 
@@ -133,7 +133,7 @@ def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
 def smooth_signals(engine: SamplesEngine, errors: Errors) -> SensorRecord:
     """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors."""
     dtype, elapsed = engine.dtype, engine.t - engine.t[0]
-    wrench = jnp.matmul(engine.columns.map(engine.body, engine.platform, errors).astype(dtype), engine.wrench)
+    wrench = jnp.matmul(engine.basis.map(engine.body, engine.platform, errors).astype(dtype), engine.wrench)
     wrench = wrench + errors.cell_bias[:, None].astype(dtype)
     omega = engine.omega
     if "gyro_delay" in perturbed(engine.sources):

@@ -38,7 +38,7 @@ from uq.gram_sums.case_equations import (
     weighted_sums,
 )
 from uq.gram_sums.cases import Case
-from uq.gram_sums.error_maps import OF_THE_RIG, Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis, gyro_map
 from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import Mixing, constant_coordinates, constant_key, constants_at, draw_constants, stream_number
@@ -54,7 +54,7 @@ GYRO_MAPS = frozenset({"gyro_misalignment", "gyro_scale"})
 
 
 class GyroStreams(Pytree):
-    """Fluctuations of a case's sums that each source of the gyro's noise makes, and each pair of them."""
+    """Makes the sums fluctuate by the gyro's noise: by each of its sources, and by the product of each two of them."""
 
     names: tuple[str, ...] = static_field()
     """Names of their random streams."""
@@ -65,7 +65,10 @@ class GyroStreams(Pytree):
 
 
 class ColouredNoise(Pytree):
-    """Noise of the load cell behind one filter."""
+    """Noise of the load cell behind one filter L: with white w that drives it, ``Ωᵀ L w = (Lᵀ Ω)ᵀ w``.
+
+    So it acts as white noise does, on a regressor that is filtered backwards in time.
+    """
 
     streams: tuple[int, ...] = static_field()
     """Numbers of the streams that have such noise."""
@@ -85,14 +88,18 @@ class CellStreams(Pytree):
 
 
 class CrossedNoise(Pytree):
-    """Weights of the numbers that the root of a stream's covariance maps to the right side, where the gyro is noisy."""
+    """Correlates the load cell's noise between cases whose gyro noise differs.
+
+    Numbers ``W₀ z₀ + Σ_g W_g z_g``, with ``W₀ W₀ᵀ + Σ_g W_g W_gᵀ = 1``, are standard normal in every case. Two cases
+    share z₀, which the load cell's noise draws, and the z_g of those sources of the gyro's noise that act in both.
+    """
 
     names: tuple[str, ...] = static_field()
     """Names of the random streams: each source of the gyro's noise with each stream of the load cell's."""
     alone: Float[Array, "cases estimators 6 6 streams"]
-    """Weights of a stream's own numbers."""
+    """Weights W₀ of the numbers that a stream of the load cell's noise draws alone."""
     with_gyro: Float[Array, "cases estimators gyro 6 6 streams"]
-    """Weights of the numbers that it has with each source of the gyro's noise."""
+    """Weights W_g of the numbers that it draws with each source of the gyro's noise."""
 
 
 class SumsEngine(Engine):
@@ -102,7 +109,7 @@ class SumsEngine(Engine):
     platform: Platform
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
-    columns: Columns = static_field()
+    basis: WrenchBasis = static_field()
     sums: RunSums
     """Sums of all estimators, without noise."""
     expectation: NoiseExpectation
@@ -208,7 +215,12 @@ def _normals(
 def _case(
     engine: SumsEngine, draws: _Draws, case: Int[Array, ""], *, moving: bool
 ) -> Float[Array, "estimators 6 trials"]:
-    """Return the estimates of one case."""
+    """Return the estimates of one case.
+
+    In the order of the chain: errors map the sums; then the gyro's noise adds what it is expected to, which no error
+    maps, for it arises behind the sensor's axes; last comes the load cell's noise, whose covariance depends on the
+    regressor that all this has made.
+    """
     drawn = {field: values[case] for field, values in draws.errors.items()}
     errors = _no_errors()._replace(**drawn)
     gyro_errors = errors if moving else _no_errors()
@@ -218,7 +230,7 @@ def _case(
         jnp.eye(3)[:, :, None] if gyro is None else gyro, jnp.asarray(gyro_errors.gyro_bias),
         jnp.asarray(gyro_errors.gyro_drift) if drifts else None,
     )  # fmt: skip
-    cell = _by_trial(partial(engine.columns.map, engine.body, engine.platform), drawn, CELL_MAPS)
+    cell = _by_trial(partial(engine.basis.map, engine.body, engine.platform), drawn, CELL_MAPS)
     r_cg = jnp.asarray(engine.body.r_cg_from_q)[:, None] + errors.r_cg
 
     def estimator(k: Int[Array, ""]) -> Float[Array, "6 trials"]:
@@ -248,7 +260,10 @@ def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Arr
 def _cell_covariance(
     cell: CellStreams, equations: Equations, features: Array, case: Array, estimator: Array, r_cg: Array
 ) -> Float[Array, "21 streams #trials"]:
-    """Return the covariance of what each stream of the load cell's noise adds to the right side."""
+    """Return the covariance ``Σ Ωᵀ S Ω`` of what each stream of the load cell's noise adds to the right side ``Ωᵀ e``.
+
+    It is exact given Ω. Coloured noise has the regressor behind its filter in Ω's place (:class:`ColouredNoise`).
+    """
 
     def weighted(by_axes: Array, covariances: Array) -> Array:
         return weighted_sums(by_axes[:, :, None], covariances[case][..., None], r_cg[:, None])
@@ -278,7 +293,11 @@ def _by_trial(
 
 
 def _fluctuating(engine: SumsEngine, draws: _Draws, sums: FeatureSums, case: Array, estimator: Array) -> FeatureSums:
-    """Add what the gyro's noise of a case makes the sums fluctuate by."""
+    """Add what the gyro's noise of a case makes the sums fluctuate by.
+
+    Before errors map the sums: ``T (S + δS) Tᵀ`` is what a trial by samples gives, but for products of the fluctuation
+    with errors of scale and axes, for noise arises behind these.
+    """
     total = jnp.tensordot(engine.gyro.acts[:, case], draws.gyro[:, estimator], 1)
     gram, wrench = total[:169].reshape(13, 13, -1), total[169:].reshape(13, 6, -1)
     time = len(sums.gram) - 13  # the elements that hold time have no noise

@@ -23,7 +23,7 @@ from uq.gram_sums.case_equations import (
     weighted_sums,
 )
 from uq.gram_sums.cases import Case, Estimator
-from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.error_maps import WrenchBasis, true_elements
 from uq.gram_sums.noise_moments import RunMoments, filtered_backwards, run_moments
 from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
@@ -66,7 +66,7 @@ def true_run(setting: TrialSetting) -> TrueRun:
     on_host = jax.tree.map(np.asarray, motion)
     t, rate = on_host.t - on_host.t[0], (len(on_host.t) - 1) / (on_host.t[-1] - on_host.t[0])
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
-    wrench = Columns.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
+    wrench = WrenchBasis.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
     low, high = delay_range(sources)
     middle = (low + high) / 2
@@ -119,7 +119,7 @@ def prepare_sums(run: TrueRun, setting: TrialSetting, cases: Sequence[Case], mom
     cell = _cell_streams(sources, mixing, cases, run)
     return SumsEngine(
         cases=cases, body=body, platform=setting.platform, sources=tuple(sources), mixing=tuple(mixing),
-        columns=Columns.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
+        basis=WrenchBasis.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
         crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
 
@@ -197,7 +197,8 @@ def _root_rows(moments: RunMoments, covariance: np.ndarray) -> Float[np.ndarray,
 def square_root(covariance: Float[np.ndarray, "*sets k k"]) -> Float[np.ndarray, "*sets k k"]:
     """Return a square root of each covariance: of its correlations the symmetric one, which alone is continuous.
 
-    Eigenvectors of equal values are the rounding's choice, and so would be the draws of a seed.
+    Of correlations, since the sums differ in size by powers of ten, and rounding is told by size. Eigenvectors of equal
+    values are the rounding's choice, and so would be the draws of a seed.
     """
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0))
     inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
@@ -245,8 +246,11 @@ def _crossed_noise(
     """Return what the load cell's noise draws where the gyro is noisy, too.
 
     The right side ``Ωᵀ e`` is ``Ω₀ᵀ e + Σ N_gᵀ e`` for a true regressor and the noise of each source of the gyro's in
-    it, terms that are uncorrelated. They are weighted by the root of the covariance of their sum, so that they do not
-    change its distribution.
+    it, terms that are uncorrelated, of covariances ``A₀ = Σ Ω₀ᵀ S Ω₀`` and ``A_g = E Σ N_gᵀ S N_g``. With R a root of
+    ``A₀ + Σ A_g``, the weights ``W = R⁻¹ root(A)`` have ``Σ W Wᵀ = 1``: numbers so weighted are standard normal
+    again, so that a trial may map them by the root of its own covariance, and no case's distribution changes. Drawn
+    without them, cases with and without the gyro's noise would share too much, and a budget would miss what both
+    noises make together.
 
     Args:
         noises: of the gyro, by source.

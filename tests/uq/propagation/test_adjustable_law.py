@@ -10,7 +10,7 @@ from tests.helpers.adjustable_lab import widget_page
 from tests.helpers.driven_browser import Browser, needs_chromium
 from tests.helpers.law_sources import LINKED, SOURCES
 from tests.helpers.source_lab import experiment, source
-from uq.propagation.adjustable_law import LEVELS, parts_of
+from uq.propagation.adjustable_law import LEVELS, contributions_of
 from uq.propagation.experiment_law import law, prepare_law
 from uq.propagation.inputs import constants_of
 
@@ -39,7 +39,7 @@ def several():
 def test_parts_add_up_to_the_law(several):
     """Exactly at the stated figures, but for joint effects that are too small to be told."""
     prepared = prepare_law(several)
-    parts = parts_of(several, prepared.runs["T"], constants_of(several.sources, several.mixing), 100.0)
+    parts = contributions_of(several, prepared.runs["T"], constants_of(several.sources, several.mixing), 100.0)
     at = list(LEVELS).index(1.0)
     share = parts.gyro[:, None]
     assert [s.name for s, part in zip(several.sources, parts.gyro, strict=True) if part] == ["gyro_noise"]
@@ -59,7 +59,7 @@ def test_a_part_is_what_a_source_does_alone(brief):
     """Where no noise of the gyro dilutes, a millionth of its variance: against the law of each source alone."""
     prepared = prepare_law(brief, "T3", "central")
     constants = constants_of(brief.sources, brief.mixing)
-    parts = parts_of(brief, prepared.runs["T3"], constants, brief.trajectories["T3"].rate, np.array([1e-6]))
+    parts = contributions_of(brief, prepared.runs["T3"], constants, brief.trajectories["T3"].rate, np.array([1e-6]))
     alone = prepared.evaluate()["T3", "central"].sources
     for i, s in enumerate(brief.sources):
         if s.name != "omega_precision":

@@ -16,7 +16,7 @@ from uq.gram_sums.case_equations import (
     symmetric,
     weighted_sums,
 )
-from uq.gram_sums.error_maps import Columns, Platform, gyro_map
+from uq.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
 from uq.gram_sums.noise_algebra import noise_algebra
 from uq.gram_sums.packed_equations import MATRIX, cell_scatter, equations_of_products, solution_series
 from uq.gram_sums.run_sums import FeatureSums, RunSums
@@ -24,7 +24,7 @@ from uq.propagation.expansion import expand, map_series, tensor_of
 from uq.sources.constant_errors import PLACES, no_errors, unravel
 
 FIELDS = ("gyro_bias", "gyro_drift", "gyro_misalignment", "gyro_delay", "cell_scale", "cell_bias", "cell_drift", "r_cg")
-COLUMNS, PLATFORM = Columns(time=True, motion=False), Platform(np.array(9.81), np.zeros(3))
+BASIS, PLATFORM = WrenchBasis(time=True, motion=False), Platform(np.array(9.81), np.zeros(3))
 BODY = Body(np.array(5.0), np.array([0.1, -0.2, 0.3]), np.array([1.0, 0.1, 0.0, 2.0, 0.2, 3.0]))
 SIZE = sum(zero.size for zero in no_errors())
 DRAWN = np.concatenate([np.arange(SIZE)[PLACES[field]] for field in FIELDS])
@@ -68,14 +68,14 @@ def test_its_derivatives_are_those_of_the_engines_equations(sums, noise):
             FeatureSums(gram[..., None], wrench[:, :-1, None]),
             feature_map(gyro_map(e)[..., None], e.gyro_bias[:, None], e.gyro_drift[:, None]),
             noise,
-            COLUMNS.map(BODY, PLATFORM, e)[..., None],
+            BASIS.map(BODY, PLATFORM, e)[..., None],
             e.cell_bias[:, None],
             (BODY.r_cg_from_q + e.r_cg)[:, None],
         )
         matrix = symmetric(jnp.sum(equations.by_axes[:3], axis=0))
         return solve_normal(matrix, equations.right).inertia[:, 0]
 
-    maps = jax.tree.map(np.asarray, map_series(BODY, PLATFORM, COLUMNS, expected, errors, FIELDS))
+    maps = jax.tree.map(np.asarray, map_series(BODY, PLATFORM, BASIS, expected, errors, FIELDS))
     expansion, zero = expand(maps, sums, noise), np.zeros(4)
     value, jacobian, hessian = with_derivatives(estimate, zero)
     np.testing.assert_allclose(expansion.value, value, rtol=1e-9)

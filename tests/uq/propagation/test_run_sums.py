@@ -9,7 +9,7 @@ import pytest
 from identify.signals.differentiate import derivative
 from uq.campaign.trial_setup import fitted_estimators, platform_of, true_motion
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.error_maps import Columns, true_elements
+from uq.gram_sums.error_maps import WrenchBasis, true_elements
 from uq.gram_sums.noise_moments import run_moments
 from uq.planning.required_duration import lasting
 from uq.propagation import run_sums as pieces
@@ -25,7 +25,7 @@ def many():
 def summed(experiment, spec):
     count = round(spec.duration * spec.rate)
     taps = [e.taps for e in fitted_estimators(experiment.estimators, spec, count)]
-    columns = Columns.of(experiment.sources)
+    columns = WrenchBasis.of(experiment.sources)
     given = experiment.body, platform_of(experiment, spec), taps, columns, True
     return pieces.run_sums(spec.trajectory, count, spec.rate, *given)
 
@@ -33,7 +33,7 @@ def summed(experiment, spec):
 def noise_free(experiment, spec):
     """Motion, wrench and other columns, estimators' taps, and 1 for samples where all of these have a derivative."""
     motion = jax.tree.map(np.asarray, true_motion(experiment, spec))
-    wrench = np.asarray(Columns.of(experiment.sources).sampled(experiment.body, motion))
+    wrench = np.asarray(WrenchBasis.of(experiment.sources).sampled(experiment.body, motion))
     taps = [np.asarray(e.taps) for e in fitted_estimators(experiment.estimators, spec, len(motion.t))]
     reach, number = max(map(len, taps)), np.arange(len(motion.t))
     return motion, wrench, taps, ((number >= reach) & (number < len(number) - reach)).astype(float)

@@ -9,7 +9,8 @@ from jaxtyping import Float
 from identify.rigid_body.inertia import MOMENTS, parallel_axis
 from identify.rigid_body.regressor import Array, library_of
 from uq.files.schema import vector
-from uq.sources.source import RigConstant, Source, figures
+from uq.sources.draw_figures import figures
+from uq.sources.source import RigConstant, Source
 
 
 class Air(RigConstant):

@@ -13,16 +13,15 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 
 from rig.toml_tables import WrongKeyError
+from uq.sources.draw_figures import figures
 from uq.sources.draws import BLOCK
 from uq.sources.flicker import DECAYS, FLICKER, pink_block
 from uq.sources.noise_filters import WALK, WHITE, NoisePart
 from uq.sources.random_normals import Index, drawn_in_turn, normal_pairs
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, figures
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
 
-PARAMETERS = ("white", "flicker", "random_walk")
-"""N, B and K: angle random walk, bias instability and rate random walk, when the signal is an angular velocity."""
-UNITS = dict(zip(PARAMETERS, ("{}*s**0.5", "{}", "{}/s**0.5"), strict=True))
-"""Units of the parameters, in terms of the signal's unit."""
+UNITS = {"white": "{}*s**0.5", "flicker": "{}", "random_walk": "{}/s**0.5"}
+"""Units of N, B and K: angle random walk, bias instability and rate random walk of an angular velocity."""
 
 
 class Memory(NamedTuple):
@@ -42,22 +41,18 @@ class Coloured(ErrorKind):
     absence = "the noise of {} has neither flicker nor a random walk"
     noise = True
     averages_out = True
-    sizes = PARAMETERS
+    sizes = UNITS
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the three parameters, each of which may be missing."""
-        units = {name: self.unit_of_size(target, name) for name in PARAMETERS}
+        units = {name: self.unit_of_size(target, name) for name in UNITS}
         return {name: Annotated[np.ndarray, figures(unit, self.shape, least=0)] | None for name, unit in units.items()}
-
-    def unit_of_size(self, target: str, size: str) -> str:
-        """Return the unit of a parameter."""
-        return UNITS[size].format(self.targets[target])
 
     def settings(self, keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the parameters that are stated: nothing is drawn for the others."""
-        stated = {name: keys[name] for name in PARAMETERS if keys[name] is not None}
+        stated = {name: keys[name] for name in UNITS if keys[name] is not None}
         if not stated:
-            raise WrongKeyError("white", f"give {', '.join(PARAMETERS)} or some of them")
+            raise WrongKeyError("white", f"give {', '.join(UNITS)} or some of them")
         return stated
 
     def noise_at_rest(self, source: Source, dtype: Any) -> Memory:
@@ -95,7 +90,7 @@ class Coloured(ErrorKind):
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that flicker and random walk are not white."""
-        coloured = any(np.any(source.settings.get(name, 0)) for name in PARAMETERS[1:])
+        coloured = any(np.any(source.settings.get(name, 0)) for name in ("flicker", "random_walk"))
         return "is noise that is not white" if coloured else None
 
 

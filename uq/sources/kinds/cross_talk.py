@@ -10,7 +10,8 @@ import numpy as np
 from rig.exceptions import quoted
 from rig.toml_tables import WrongKeyError, read_value, written
 from uq.files.schema import in_unit, quantity_schema
-from uq.sources.source import ErrorKind, part_of
+from uq.sources.draw_figures import DrawFigures, part_of
+from uq.sources.source import ErrorKind
 
 WRENCH_UNITS = ("N", "N", "N", "N*m", "N*m", "N*m")
 RELATIVE = {("N", "N"): "%", ("N*m", "N*m"): "%", ("N", "N*m"): "N/(N*m)", ("N*m", "N"): "N*m/N"}
@@ -25,17 +26,10 @@ def _row(path: str, raw: Any, units: Sequence[str], **bounds: int | float) -> np
     return np.array([value * part_of(unit) for value, unit in zip(values, units, strict=True)])
 
 
-class CrossTalk(ErrorKind):
-    """Adds X w to the wrench w = (F, M), X a 6×6 matrix."""
+class CrossTalkFigures(DrawFigures):
+    """A matrix with its units, or one figure in per cent of full scale, of shape ()."""
 
-    name = "cross_talk"
-    targets = {"wrench": "%"}
-    absence = "the {} has no cross-talk"
-    shape = (6, 6)
-    constant = True
-    perturbs = {"wrench": "cell_cross_talk"}
-
-    def figures(self, target: str, *, least: float | int = -math.inf) -> msgspec.Meta:
+    def annotation(self, *, least: float | int = -math.inf) -> msgspec.Meta:
         """Return the annotation of a matrix with its units; or of one figure in per cent of full scale, shape ()."""
 
         def read(path: str, raw: Any) -> np.ndarray:
@@ -50,7 +44,7 @@ class CrossTalk(ErrorKind):
             read, {"anyOf": [quantity_schema("%"), {"type": "array", "items": row, "minItems": 6, "maxItems": 6}]}
         )
 
-    def full_scale(self, target: str) -> msgspec.Meta:
+    def full_scale(self) -> msgspec.Meta:
         """Return the annotation of the six channels' full scale."""
 
         def read(path: str, raw: Any) -> np.ndarray:
@@ -60,7 +54,7 @@ class CrossTalk(ErrorKind):
 
         return written(read, {"type": "array", "items": {"type": "string"}, "minItems": 6, "maxItems": 6})
 
-    def wholes(self, target: str, full_scale: np.ndarray | None) -> list[float | None]:
+    def wholes(self, full_scale: np.ndarray | None) -> list[float | None]:
         """Return that one statement, in per cent, is for all thirty figures."""
         return [100.0]
 
@@ -71,3 +65,15 @@ class CrossTalk(ErrorKind):
         if full_scale is None:
             raise WrongKeyError("full_scale", "add it")
         return float(figure.reshape(())) * np.outer(full_scale, 1 / full_scale) * (1 - np.eye(6))
+
+
+class CrossTalk(ErrorKind):
+    """Adds X w to the wrench w = (F, M), X a 6×6 matrix."""
+
+    name = "cross_talk"
+    targets = {"wrench": "%"}
+    absence = "the {} has no cross-talk"
+    shape = (6, 6)
+    constant = True
+    perturbs = {"wrench": "cell_cross_talk"}
+    written_as = CrossTalkFigures

@@ -32,7 +32,7 @@ class Quantisation(ErrorKind):
     absence = "the resolution of {} is unlimited"
     in_sums_as = "white noise of variance step²/12"
     averages_out = True
-    sizes = ("step",)
+    sizes = {"step": "{}"}
     stage = 20
 
     def sensed(

@@ -17,7 +17,7 @@ class Saturation(ErrorKind):
     targets = SIGNAL_UNITS
     absence = "the range of {} is unlimited"
     in_sums_as = "nothing: the signal stays within its range"
-    sizes = ("limit",)
+    sizes = {"limit": "{}"}
     stage = 10
 
     def resized(self, source: Source, factor: float) -> Source:
