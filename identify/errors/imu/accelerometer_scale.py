@@ -28,6 +28,6 @@ ACCELEROMETER_SCALE = ErrorModel(
     part="accelerometer", needs=frozenset({"accelerometer"}),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
-        "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", every(-100.0, "%")
+        "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", every(100.0, "%")
     ),
 )  # fmt: skip

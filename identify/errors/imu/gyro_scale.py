@@ -29,6 +29,6 @@ GYRO_SCALE = ErrorModel(
     declared_as=("omega", "scale"), typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "gyro scale", "the gyro's scale factors were wrong by {}", "calibrate it, declare a scale, or check its unit",
-        every(-100.0, "%"),
+        every(100.0, "%"),
     ),
 )  # fmt: skip
