@@ -64,7 +64,7 @@ Choice: less may be an error of linearisation of the first.
 class PossibleCause(NamedTuple):
     """A cause in the runs that would have it."""
 
-    finding: ErrorModel
+    error: ErrorModel
     run: int | None
     """Index of the run to which it belongs; None: it belongs to the rig, and all runs have it."""
     size: Float[np.ndarray, " p"]
@@ -77,9 +77,9 @@ class PossibleCause(NamedTuple):
     def judged(self, base: Base, *, white: bool = False) -> Evidence | None:
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
         if self.run is None:
-            return evidence(base, self.finding, self.size, self.lines, white=white)
+            return evidence(base, self.error, self.size, self.lines, white=white)
         run_base = base.single_runs[self.run]
-        verdict = evidence(run_base, self.finding, self.size, [self.lines[self.run]], white=white)
+        verdict = evidence(run_base, self.error, self.size, [self.lines[self.run]], white=white)
         return None if verdict is None else verdict._replace(lines=self.lines)
 
     def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":
@@ -91,9 +91,7 @@ class PossibleCause(NamedTuple):
         if self.run is not None or len(base.runs) == 1:
             return True
         common = base.absorbing(verdict.lines, verdict.scale)
-        further = [
-            evidence(common.single_runs[k], self.finding, self.size, [part]) for k, part in enumerate(self.lines)
-        ]
+        further = [evidence(common.single_runs[k], self.error, self.size, [part]) for k, part in enumerate(self.lines)]
         return min([more.chance for more in further if more is not None], default=1.0) * len(further) > UNLIKE
 
 
@@ -114,14 +112,14 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[ErrorModel]) -> list[
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(finding: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
+def _candidate(error: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
     """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
     having = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in having], axis=0)
     acting = np.any([columns.any(axis=(0, 1)) for columns, _ in having], axis=0) & (size > 0)
     columns = [columns[:, :, acting] * (run in (None, k)) for k, (columns, _) in enumerate(parts)]
     lines = [fit.transformed(part * size[acting]) for fit, part in zip(fits, columns, strict=True)]
-    return PossibleCause(finding, run, size[acting], columns, lines)
+    return PossibleCause(error, run, size[acting], columns, lines)
 
 
 class FollowedCause(NamedTuple):
@@ -139,7 +137,7 @@ class FollowedCause(NamedTuple):
 
     def verdict(self, run: str, *, axis: str, text: str, changes: tuple[float, ...]) -> ResidualCause:
         """Return the cause as a finding on a run, in these words, with what it would add to the ten parameters."""
-        error = self.candidate.finding
+        error = self.candidate.error
         return ResidualCause(
             cause=error.label, axis=axis, share=self.evidence.share, text=text, run=run, changes=changes,
             docs=error.words.docs,
@@ -151,7 +149,7 @@ class FollowedCause(NamedTuple):
         Args:
             quantity: words for what was measured: force and moment, or the moment alone.
         """
-        words = self.candidate.finding.words
+        words = self.candidate.error.words
         also = f"; as probable: {', '.join(self.rivals)}" if self.rivals else ""
         verb = "looks" if quantity == "the moment" else "look"
         return f"{quantity} {verb} {words.phrase(self.evidence.values, self.evidence.spread)}{also}; {words.cure}"
@@ -182,7 +180,7 @@ def _simplest(likely: Sequence[FollowedCause]) -> FollowedCause:
         cause for cause in likely
         if len(cause.evidence.size) < len(best.size) and cause.evidence.share > NEARLY * best.share
     ]  # fmt: skip
-    variant = bool(simpler) and simpler[0].candidate.finding.label == likely[0].candidate.finding.label
+    variant = bool(simpler) and simpler[0].candidate.error.label == likely[0].candidate.error.label
     return simpler[0] if simpler and not variant else likely[0]
 
 
@@ -250,14 +248,14 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
             break
         first = first or power
         rivals = dict.fromkeys(
-            cause.candidate.finding.label for cause in shown
-            if cause.candidate.finding.label != best.candidate.finding.label and _as_probable(cause, best)
+            cause.candidate.error.label for cause in shown
+            if cause.candidate.error.label != best.candidate.error.label and _as_probable(cause, best)
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))
         base = base.absorbing(best.evidence.lines, best.evidence.scale)
         free = free.absorbing(best.evidence.lines, FREE * best.evidence.scale)
-        taken = best.candidate.finding, best.candidate.run
-        open_to = [cause for cause in open_to if (cause.finding, cause.run) != taken]
+        taken = best.candidate.error, best.candidate.run
+        open_to = [cause for cause in open_to if (cause.error, cause.run) != taken]
     rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, free.residuals, strict=True)]
     squares = [[float((rows**2).sum()) for rows in fitted.residuals] for fitted in (base, started)]
     return Judgement(

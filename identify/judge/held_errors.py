@@ -132,7 +132,7 @@ def exact_quantities(problem: Problem) -> dict[ErrorModel, str]:
 
 def exact_declaration(cause: FollowedCause, problem: Problem) -> Declaration:
     """Return the record of the exact quantity that a cause blames."""
-    name = exact_quantities(problem)[cause.candidate.finding]
+    name = exact_quantities(problem)[cause.candidate.error]
     declared = problem.r_cg if name == "r_cg" else np.array([problem.mass])
     sigma = TYPICAL_CENTRE if name == "r_cg" else TYPICAL_MASS * float(declared[0])
     change = cause.evidence.values

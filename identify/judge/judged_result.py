@@ -98,7 +98,7 @@ def judged(result: Identification, problem: Problem) -> Judged:
         explained = [record.text for record in declarations if record.quantity in open_to]
         declarations = [record for record in declarations if record.quantity not in open_to]
     exact = held_errors.exact_quantities(problem)
-    blamed = (cause for cause in errors if cause.candidate.finding in exact)
+    blamed = (cause for cause in errors if cause.candidate.error in exact)
     declarations += (held_errors.exact_declaration(cause, problem) for cause in blamed)
     texts = [record.text for record in declarations if record not in result.declarations and not record.exact]
     unexplained = [text for text in result.warnings if text not in explained]
@@ -278,7 +278,7 @@ class JudgedRuns:
         where = names if cause.candidate.run is None else [names[cause.candidate.run]]
         axis = f"b{1 + int(np.argmax((cause.evidence.explained**2).sum(axis=0)[-3:]))}"
         follows = FollowsNoCause(
-            topic=named_runs(where, self.count), most_like=cause.candidate.finding.label,
+            topic=named_runs(where, self.count), most_like=cause.candidate.error.label,
             component=COMPONENTS[worst], shift=GRAM_METRE * float(changes[worst]),
         )  # fmt: skip
         verdict = follows.verdict(axis=axis, share=cause.evidence.share)
@@ -302,7 +302,7 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
         fits=[fits[number][0] for number in numbers], last=ways[-1],
         named=_named_once(judgements, result),
         ways={
-            cause.candidate.finding: way
+            cause.candidate.error: way
             for way, judgement in zip(ways, judgements, strict=True) for cause in judgement.causes
         },
         judgement=min(judgements, key=lambda judgement: max(judgement.unexplained)),
@@ -382,13 +382,13 @@ def unexplained_once(contributions: Sequence[Contribution]) -> list[Contribution
 def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict[ErrorModel, list[FollowedCause]]:
     """Causes of the first judgement that names any which can err in the result; the run where each shows most first."""
     others = {error for error in ERRORS.values() if error.part == "accelerometer" and result.method != "joint"}
-    if any(cause.candidate.finding is WEIGHT for cause in judgements[-1].causes):
+    if any(cause.candidate.error is WEIGHT for cause in judgements[-1].causes):
         judgements = judgements[-1:]  # the accelerometer tells it from the mass, a point at rest does not
     for judgement in judgements:
         named: dict[ErrorModel, list[FollowedCause]] = {}
         for cause in judgement.causes:
-            if cause.candidate.finding not in others:
-                named.setdefault(cause.candidate.finding, []).append(cause)
+            if cause.candidate.error not in others:
+                named.setdefault(cause.candidate.error, []).append(cause)
         if named:
             return named
     return {}

@@ -50,7 +50,7 @@ class JudgedWay(NamedTuple):
 
 def rivals(evidence: Evidence, run: PredictedWrench) -> list[Rival]:
     """Return what a run cannot tell from a cause of this evidence."""
-    make = MADE.get(evidence.finding)
+    make = MADE.get(evidence.error)
     return [] if make is None else make(evidence.values, run)
 
 
