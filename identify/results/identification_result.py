@@ -28,8 +28,6 @@ from identify.signals.estimator_spec import EstimatorSpec
 
 RESIDUALS, CG, MISFIT = "residuals", "r_cg", "model misfit"
 """Names of errors in a budget, beside those of declared sources."""
-ESTIMATE = "estimate"
-"""All that an estimator states by itself, where it does not tell its parts apart."""
 
 
 @dataclass(frozen=True, repr=False)
