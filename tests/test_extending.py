@@ -150,13 +150,13 @@ named = identified(warm)
 print(*named.warnings, *(cause.docs for cause in named.consistency), sep="\\n")
 table = {"undeclared": {"gyro_warming": "0.1 %"}}
 plain = with_undeclared(identified(clean), [run_of(clean)], Experiment.from_dict(document(clean) | table))
-(effect,) = (effect for effect in plain.undeclared.effects if effect.name == "gyro_warming")
+(effect,) = (row for row in plain.undeclared.rows if row.error == "gyro_warming")
 off = identified(replace(clean, omega=clean.omega * (1 + 1e-3 * since))).inertia - identified(clean).inertia
-print(effect.text, effect.figure, bool(abs(effect.inertia[5] / off[5] + 1) < 0.1))
+print(effect.text, effect.figure, bool(abs(effect.parameters[9] / off[5] + 1) < 0.1))
 errors = {"gyro_warming": ConstantError("gyro_warming", np.zeros(3), 0.02**2 * np.eye(3))}
 joint = identified(warm, "joint", errors=errors)
 far = np.abs(joint.inertia - clean.truth) / joint.standard_uncertainty
-print(joint.consistency, bool((far < 3).all()), "gyro_warming" in joint.budget)
+print(joint.consistency, bool((far < 3).all()), "gyro_warming" in joint.contributions)
 """
 
 

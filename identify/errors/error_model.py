@@ -23,7 +23,7 @@ CELL_MATRIX = ("cell_matrix",)
 STEP = 2.0**-17
 """Step of central differences, in SI.
 
-Numerical: errors of axes and delays are smooth over some 1e-2, so that the cube is 1e-11 and rounding as much.
+Numerical: of an error that is smooth over 1 rad or 1 s, the term of third order is 1e-11, and rounding as much.
 """
 STEP_OF_UNITS = 2.0**-26
 """Step of central differences of unit wrenches, which is exact: no rounding hides it, and its square is below."""

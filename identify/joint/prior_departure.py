@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from identify.joint.joint_model import SIZES, SLICES
+from identify.joint.joint_model import BY_ACT, SIZES, SLICES
 from identify.joint.priors import Prior
 from identify.results.declaration import Declaration
 
@@ -58,6 +58,12 @@ QUANTITIES = {
 others are in its axes.
 
 Unknowns that are missing here only absorb slow errors."""
+for _error in BY_ACT.values():
+    _typical = _error.typical
+    _words = (_error.name.replace("_", " "), 1.0, "(SI)") if _typical is None else (
+        _typical.text, _typical.per_si, _typical.unit
+    )  # fmt: skip
+    QUANTITIES[_error.name] = Quantity(*_words, "declare it wider, or calibrate")
 
 
 def departures(theta: np.ndarray, prior: Prior, names: Collection[str] = QUANTITIES) -> tuple[Declaration, ...]:

@@ -113,7 +113,7 @@ def pooled_change(
 
 
 TYPICAL_CENTRE = centre_of_gravity.TYPICAL.figure
-TYPICAL_MASS = 0.005
+MASS_DECLARED_EXACT = 0.005
 """Standard uncertainty over the mass that a mass declared without one counts with.
 
 Prior: typical gains of force and accelerometer, error of gravity and of a scale together, as `[undeclared]` has them.
@@ -134,7 +134,7 @@ def exact_declaration(cause: FollowedCause, problem: Problem) -> Declaration:
     """Return the record of the exact quantity that a cause blames."""
     name = exact_quantities(problem)[cause.candidate.error]
     declared = problem.r_cg if name == "r_cg" else np.array([problem.mass])
-    sigma = TYPICAL_CENTRE if name == "r_cg" else TYPICAL_MASS * float(declared[0])
+    sigma = TYPICAL_CENTRE if name == "r_cg" else MASS_DECLARED_EXACT * float(declared[0])
     change = cause.evidence.values
     worst = int(np.argmax(np.abs(change)))
     return declaration(name, worst, declared[worst] + change[worst], declared[worst], sigma, exact=True)

@@ -67,7 +67,7 @@ def status(contradicted: object) -> Literal["contradicted", "not contradicted"]:
     return "contradicted" if contradicted else "not contradicted"
 
 
-def contradicted(declarations: Sequence[Declaration]) -> str:
+def contradiction(declarations: Sequence[Declaration]) -> str:
     """Return a clause that names what the runs contradict; '' where they contradict nothing."""
     names = [f"{record.name} ({record.distance:.1f} u off)" for record in declarations if record.contradicted]
     return f"the runs contradict what is declared of {', '.join(names)}" if names else ""

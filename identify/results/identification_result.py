@@ -14,7 +14,7 @@ from identify.estimators.pooling import NORMAL, Pooling
 from identify.reporting import Result, interval_records, plain
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
-from identify.results.declaration import Declaration, ResidualCause, contradicted, status
+from identify.results.declaration import Declaration, ResidualCause, contradiction, status
 from identify.results.discordance import Discordance
 from identify.results.held_out_result import HeldOut
 from identify.results.ledger import USUAL, Ledger, Row, Tier
@@ -40,8 +40,9 @@ class Identification(Result):
     kind = "inertia identify"
     unit_of_columns = "kg·m²"
     value: Float[np.ndarray, "10"]
-    """Mass, centre of gravity from Q and tensor about it, in B [kg, m, kg·m²]: the runs' least squares, each run
-    weighted by the inverse of its residual variance. The mass is NaN where it is not stated."""
+    """Mass, centre of gravity from Q and tensor about it, in B [kg, m, kg·m²], as ``method`` estimates them.
+
+    The mass is NaN where it is not stated."""
     ledger: Ledger
     """All that is known of the errors of ``value``: covariance, intervals and budget are functions of it."""
     estimator: EstimatorSpec
@@ -117,7 +118,7 @@ class Identification(Result):
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of ``inertia``, (6, 6): residuals, scatter between runs, declared errors [(kg·m²)²]."""
+        """Covariance of ``inertia``, (6, 6), by measured, declared and contradicted errors [(kg·m²)²]."""
         return self.parameters.covariance[4:, 4:]
 
     @property
@@ -145,7 +146,7 @@ class Identification(Result):
 
     @property
     def interval95(self) -> np.ndarray:
-        """Coverage interval of 95 % about ``inertia`` by measured and declared errors, (6, 2) [kg·m²]."""
+        """Coverage interval of 95 % of the tensor, (6, 2) [kg·m²]; see :meth:`intervals`."""
         return self.intervals95[4:]
 
     @property
@@ -172,7 +173,7 @@ class Identification(Result):
     @property
     def contradicted(self) -> str:
         """Clause that names the declared quantities that the runs contradict; '': none."""
-        return contradicted(self.declarations)
+        return contradiction(self.declarations)
 
     @property
     def measured(self) -> InertialParameters:
@@ -211,7 +212,11 @@ class Identification(Result):
 
         Squares of arms add. The bound has no coverage probability: typical sizes are guesses.
         """
-        return self._of_bodies(self.ledger.bounds(self.value, self.intervals95)) if self.looked_at_undeclared else None
+        return self.bounds_of(self.intervals95) if self.looked_at_undeclared else None
+
+    def bounds_of(self, intervals: Float[np.ndarray, "10 2"]) -> Float[np.ndarray, "10 2"]:
+        """Return intervals of the ten parameters, widened by k = 2 of undeclared errors, as far as bodies reach."""
+        return self._of_bodies(self.ledger.bounds(self.value, intervals))
 
     @property
     def conventional_bound(self) -> np.ndarray | None:

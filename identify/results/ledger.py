@@ -54,7 +54,7 @@ class Row:
     """
 
     error: str
-    """Name of the error, in budgets and in ``[undeclared]``."""
+    """Name of the error in budgets: of its source, of its key in ``[undeclared]``, or what the runs show."""
     changes: Float[np.ndarray, "10 k"]
     """Changes of the ten by one standard uncertainty of each of the error's independent numbers."""
     tier: Tier = "declared"
@@ -124,6 +124,17 @@ def drawn_row(error: str, draws: Float[np.ndarray, "trials 6"], **figures: Any) 
     return Row(error=error, changes=changes, drawn=True, mean=np.concatenate([np.zeros(4), mean]), **figures)
 
 
+def reaching(arms: Float[np.ndarray, "10 2"], u: Float[np.ndarray, "10"]) -> Float[np.ndarray, "10 2"]:
+    """Return arms that hold errors whose size is no measurement, too: with k = 2, squares of arms add.
+
+    Args:
+        arms: from the value down and up; negative where an expected error takes an end beyond the value.
+        u: standard uncertainty by such errors.
+    """
+    shift = CONVENTIONAL * u[:, None]
+    return np.where(arms < 0, arms + shift, np.hypot(arms, shift))
+
+
 def type_a_rows(pooling: Pooling) -> tuple[Row, ...]:
     """Return residuals, and what runs or mountings scatter beyond what residuals and redrawn sources predict."""
     figures: Any = {
@@ -138,7 +149,7 @@ def type_a_rows(pooling: Pooling) -> tuple[Row, ...]:
 class Gap(NamedTuple):
     """The undeclared error with the largest share in the variance of one parameter."""
 
-    effect: Row
+    row: Row
     parameter: int
     """Index among the ten parameters."""
     share: float
@@ -148,7 +159,7 @@ class Gap(NamedTuple):
     def text(self) -> str:
         """The gap in words."""
         return (
-            f"undeclared: {self.effect.text}, at a typical {self.effect.figure}, is {100 * self.share:.0f} % of u² of "
+            f"undeclared: {self.row.text}, at a typical {self.row.figure}, is {100 * self.share:.0f} % of u² of "
             f"{QUANTITIES[self.parameter][0]} with undeclared errors: declare it, or write your figure in [undeclared]"
         )
 
@@ -222,9 +233,7 @@ class Ledger(Shown):
         mean = sum((np.broadcast_to(row.mean, 10) for row in known.rows), np.zeros(10))
         expected = np.nan_to_num(self.expected)
         arms = arms + np.outer(mean, [1, -1]) + np.maximum(np.outer(expected, [1, -1]), 0.0)
-        shift = CONVENTIONAL * self.of("contradicted").standard_uncertainty[:, None]
-        # an expected error may take an end beyond the value: its arm is negative
-        return np.where(arms < 0, arms + shift, np.hypot(arms, shift))
+        return reaching(arms, self.of("contradicted").standard_uncertainty)
 
     def half_width(self, half: Float[np.ndarray, "10"]) -> Float[np.ndarray, "10"]:
         """Return half of the conventional bounds from half of the coverage intervals of 95 %: squares add."""
@@ -239,9 +248,8 @@ class Ledger(Shown):
             values: of the ten parameters.
             intervals: their coverage intervals; infinite or NaN ends stay so.
         """
-        arms = np.abs(intervals - values[:, None])
-        typical = self.of("typical").standard_uncertainty[:, None]
-        return values[:, None] + np.hypot(arms, CONVENTIONAL * typical) * [-1, 1]
+        arms = (intervals - values[:, None]) * [-1, 1]
+        return values[:, None] + reaching(arms, self.of("typical").standard_uncertainty) * [-1, 1]
 
     @property
     def _evaluations(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -290,8 +298,11 @@ class Ledger(Shown):
 
     @property
     def types(self) -> Mapping[str, str]:
-        """Type of evaluation of each error: A, B, or both."""
-        return {row.error: row.evaluation for row in self.rows}
+        """Type of evaluation of each error of :attr:`budget`: A, B, or both."""
+        types: dict[str, set[str]] = {}
+        for row in self.of("measured", "declared", "contradicted").rows:
+            types.setdefault(row.error, set()).update(row.evaluation.split(", "))
+        return {error: ", ".join(sorted(letters)) for error, letters in types.items()}
 
     @property
     def budget(self) -> Mapping[str, Float[np.ndarray, "10"]]:
@@ -325,7 +336,7 @@ class Ledger(Shown):
         if not np.any(shares):
             return None
         number, parameter = np.unravel_index(np.argmax(shares), (len(shares), 10))
-        return Gap(effect=self.rows[number], parameter=int(parameter), share=float(shares[number][parameter]))
+        return Gap(row=self.rows[number], parameter=int(parameter), share=float(shares[number][parameter]))
 
     def records(self) -> list[dict[str, Any]]:
         """Return of each row the error, its origin, type and standard uncertainties of the ten parameters, in SI."""
@@ -366,7 +377,9 @@ def taken_off(
     rows = []
     for row in of_whole.rows:
         same = keyed.pop((row.key, row.changes.shape), None)
-        rows.append(row if same is None else replace(row, changes=row.changes + same.changes))
+        rows.append(
+            row if same is None else replace(row, changes=row.changes + same.changes, mean=row.mean + same.mean)
+        )
     for row in of_fixture.rows:
         if row.key and (row.key, row.changes.shape) not in keyed:
             continue

@@ -29,7 +29,7 @@ from uq.files.mistakes import ExperimentError
 from uq.gram_sums.error_maps import Platform, WrenchBasis
 from uq.gram_sums.run_sums import RunSums, delay_nodes
 from uq.identification.estimated_errors import draw_root
-from uq.identification.run_sums import measured, run_sums, weighed_equations
+from uq.identification.recorded_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
 from uq.sources.source import Source
@@ -41,9 +41,9 @@ BATCH = 25
 """Trials at a time, which bounds memory."""
 REACH = 5.0
 """Standard deviations of a delay that the sums span; a draw beyond, one of two million, counts as the last within."""
-HELD = frozenset({"gravity", "r_cg_from_omb", "tilt"})
+IN_THE_WRENCH = frozenset({"gravity", "r_cg_from_omb", "tilt"})
 """Errors that a recorded wrench holds already: (10) takes the force as measured. Fields of :class:`Errors`."""
-OF_THE_RIG = frozenset(
+SAME_FOR_EVERY_BODY = frozenset(
     {"cell_scale", "cell_cross_talk", "cell_misalignment", "gyro_scale", "gyro_misalignment", "gyro_delay"}
 )
 """Errors that are the same in another body's runs. Fields of :class:`Errors`."""
@@ -123,7 +123,10 @@ def with_declared_sources(
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
         warnings = (*warnings, f"{left_out}: they are left out")
     rows = [
-        drawn_row(source.name, systematic.alone[source.name], key=source.name * (source.perturbs in OF_THE_RIG))
+        drawn_row(
+            source.name, systematic.alone[source.name],
+            key=source.name if source.perturbs in SAME_FOR_EVERY_BODY else "",
+        )
         for source in problem.sources if source.name not in problem.redrawn
     ]  # fmt: skip
     if result.pooling is None:
@@ -190,7 +193,7 @@ def _knowing_predicted_scatter(warnings: tuple[str, ...], pooling: Pooling, toge
 
 def _diagnostics(ledger: Ledger, pooling: Pooling, trials: int) -> dict[str, Any]:
     """Standard uncertainties of type A and B, degrees of freedom and coverage factor of the tensor."""
-    known = ledger.of("measured", "declared")
+    known = ledger.of("measured", "declared", "contradicted")
     u = known.standard_uncertainty
     return {
         "standard_uncertainty_type_a": known.of("measured").standard_uncertainty[4:].tolist(),
@@ -262,7 +265,7 @@ def _acting(
 
     It holds the centre of gravity's uncertainty, wherever it comes from, but for what each mounting draws of it.
     """
-    elsewhere = HELD | estimator_of(result.method).estimates
+    elsewhere = IN_THE_WRENCH | estimator_of(result.method).estimates
     drawn_centre = len({run.mounting for run in result.runs}) > 1 and result.pooling and result.admissible is None
     centres = {source.name for source in experiment.sources if slopes or (drawn_centre and source.name in redrawn)}
     return tuple(

@@ -22,7 +22,7 @@ from uq.files.mistakes import ExperimentError
 from uq.identification.centre_prior import with_mass_and_centre
 from uq.identification.identify_files import WITH_FIXTURE, identify_files
 
-SEPARATE = "the tare's runs and poses share errors of the rig, and those of static poses that last, with the body's"
+SHARED = "the tare's runs and poses share errors of the rig, and those of static poses that last, with the body's"
 
 
 def tare_files(
@@ -141,7 +141,7 @@ def tared(
         looked_at_undeclared=result.looked_at_undeclared and looked_at,
         declarations=(*result.declarations, *tare_declarations),
         warnings=(*body_warnings, *(f"tare: {text}" for text in tare_warnings)),
-        assumptions=(*result.assumptions, fixture_text, *(SEPARATE,) * bool(runs)),
+        assumptions=(*result.assumptions, fixture_text, *(SHARED,) * bool(runs)),
         tare=Tare(fixture, assembly, runs, None if identified is None else dict(identified.provenance)),
     )
     check_covariances(left)

@@ -53,7 +53,7 @@ METRE = Source(name="centre_of_gravity", target="r_cg", kind="bias", group="unde
 def with_undeclared(
     result: Identification, runs: Sequence[Run], experiment: Experiment, centre: Centre | None = None
 ) -> Identification:
-    """Return a result with the errors that its first intervals leave out, where its derivatives are known.
+    """Return a result with the errors that its 95 % intervals leave out, where its derivatives are known.
 
     The same errors of the same rig have made the static poses' mass and centre of gravity wrong: both effects of one
     error add with their signs.
@@ -250,7 +250,7 @@ def centre_with_undeclared(
     specific_force: Float[np.ndarray, "n 3"],
     sensed: bool,
 ) -> Centre:
-    """Return a centre with the errors that its first intervals leave out.
+    """Return a centre with the errors that its 95 % intervals leave out.
 
     The load cell's axes count where ``sigma_alignment`` does not declare how far the attitude's are off from them.
 

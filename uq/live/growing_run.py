@@ -22,7 +22,7 @@ from rig.bags.marks import Notes
 from rig.bags.topics import Contents
 from rig.channels import ImuChannel, WrenchChannel
 from uq.experiment.recording_table import RecordingTable
-from uq.identification.run_sums import SPLINE
+from uq.identification.recorded_sums import SPLINE
 from uq.recorded.load_run import of_channels
 
 BLOCK = 2.0

@@ -22,7 +22,7 @@ from identify.sums.residual_spectrum import LEAST_GAIN
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
 from uq.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis
-from uq.identification.run_sums import FEATURES, FORCE, MOMENT, sums_of_signals
+from uq.identification.recorded_sums import FEATURES, FORCE, MOMENT, sums_of_signals
 from uq.identification.systematic_errors import Systematic, SystematicProblem, propagated
 from uq.identification.undeclared import tensor_changes
 from uq.live.running_sums import RunningSums

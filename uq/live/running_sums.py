@@ -1,9 +1,9 @@
 """Running sums of a run while it is recorded, added block by block, of a size that never grows.
 
 Three kinds of them. Products of features, force and moment give the normal equations. Products of the elements of
-:mod:`uq.identification.run_sums`, at several delays, give what declared errors do. Products of the cosine transform of
-each block, summed over bands of frequency, give the residuals' spectrum of any fit, and with it the standard
-uncertainty that they show (type A): the residuals are linear in the tensor, so no sample is looked at twice.
+:mod:`uq.identification.recorded_sums`, at several delays, give what declared errors do. Products of the cosine
+transform of each block, summed over bands of frequency, give the residuals' spectrum of any fit, and with it the
+standard uncertainty that they show (type A): the residuals are linear in the tensor, so no sample is looked at twice.
 """
 
 from collections import Counter
@@ -18,7 +18,7 @@ from identify.signals.filters import moving_average
 from identify.signals.segments import PART_OF_MOTION, SLOWEST
 from identify.sums.residual_spectrum import Lines
 from identify.sums.run_lines import unbroken, usable_rows
-from uq.identification.run_sums import ELEMENTS, FEATURES, FORCE, MOMENT, SIGNALS, delayed_signals
+from uq.identification.recorded_sums import ELEMENTS, FEATURES, FORCE, MOMENT, SIGNALS, delayed_signals
 from uq.live.growing_run import BLOCK, Block
 
 REGRESSED = np.concatenate([FEATURES, np.arange(FORCE.start, MOMENT.stop)])

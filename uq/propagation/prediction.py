@@ -25,7 +25,7 @@ from uq.gram_sums.packed_equations import about_cg, packed_equations
 from uq.gram_sums.run_sums import RunSums
 from uq.propagation.expansion import error_maps, mapped_sums, tensor_of
 from uq.propagation.inputs import constants_of, inputs_of_cases
-from uq.propagation.run_sums import jerk_of
+from uq.propagation.trajectory_sums import jerk_of
 from uq.propagation.uncovered_sources import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.sources.constant_errors import unravel
 

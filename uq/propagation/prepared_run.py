@@ -24,7 +24,7 @@ from uq.gram_sums.noise_moments import RunMoments
 from uq.gram_sums.packed_equations import cell_scatter, equations_of_products, expected_by_axes, packed_equations
 from uq.gram_sums.run_sums import FeatureSums, RunSums
 from uq.propagation.expansion import Expansion, error_maps, expand, map_series, mapped_sums
-from uq.propagation.run_sums import run_sums
+from uq.propagation.trajectory_sums import run_sums
 from uq.propagation.uncovered_sources import Peaks
 from uq.sources.constant_errors import no_errors, perturbed, unravel
 from uq.sources.noise_filters import GyroNoise

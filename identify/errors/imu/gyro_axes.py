@@ -17,7 +17,7 @@ from identify.rigid_body.rotation import exponential
 # a package on a board
 TYPICAL = TypicalSize(
     figure=0.005, key_unit="rad", text="misalignment of the gyro", unit="mrad", per_si=1e3,
-    about="Misalignment of the gyro with the body, about each axis.",
+    about="Misalignment of the gyro with the accelerometer, about each axis.",
 )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from identify.errors.rig_state import RigState
 from identify.errors.written_sizes import every
 
 PART = 0.0025
-"""Typical gain error: makers of six-axis load cells state 0.5 % in all."""
+"""Typical gain error, common and by axis: makers of six-axis load cells state 0.75 to 1.5 % of full scale at 95 %."""
 
 
 def act(state: RigState, gains: Numbers) -> RigState:

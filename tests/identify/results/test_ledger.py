@@ -69,6 +69,9 @@ def test_an_expected_error_reaches_out_on_its_side_and_a_mean_shifts_both_ends()
     shifted = Ledger((sure, drawn_row("b", 3.0 + even(scipy.stats.norm, 1e-9))))
     np.testing.assert_allclose(shifted.arms()[4:], np.tile([3 + 1.96, 1.96 - 3], (6, 1)), atol=0.01)
     np.testing.assert_allclose(shifted.bias[4:], 3.0, rtol=1e-9)
+    ends = 1.0 + shifted.arms() * [-1, 1]
+    assert (ends[4:, 1] < 1.0).all()
+    np.testing.assert_array_equal(shifted.bounds(np.ones(10), ends), ends)  # with nothing undeclared
 
 
 def test_a_row_of_a_key_takes_the_place_of_that_keys():
@@ -88,14 +91,17 @@ def test_the_error_of_both_results_cancels_where_a_fixture_is_taken_off():
     np.testing.assert_allclose(left.budget["gain"][4:], 0.01 * (whole - fixture))
     np.testing.assert_allclose(left.standard_uncertainty[4:], np.sqrt(0.04**2 + 2 * 0.02**2))
     assert left.types == {"gain": "B", "noise": "B", "fixture taken off": "A, B"}
+    assert left.joined([tensor_row("noise", UNIT, evaluation="A")]).types["noise"] == "A, B"
+    assert left.joined([tensor_row("typical", UNIT, tier="typical")]).types == left.types
 
 
 def test_draws_of_a_fixture_are_independent_of_the_bodys_unless_they_are_of_one_rig():
-    draws = even(scipy.stats.norm, seed=5)
+    draws = 3.0 + even(scipy.stats.norm, seed=5)
     for key, expected in (("gain", 0.0), ("", np.sqrt(2))):
         rows = [(drawn_row("gain", draws, key=key),), (drawn_row("gain", draws, key=key),)]
         left = taken_off(*map(Ledger, rows), np.eye(10), -np.eye(10))
         np.testing.assert_allclose(left.standard_uncertainty[4:], expected, atol=1e-3)
+        assert not left.bias[4:].any()
 
 
 def test_a_changed_row_has_the_degrees_of_freedom_of_what_it_is_made_of():

@@ -14,7 +14,7 @@ from tests.helpers import recordings
 from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.experiment.undeclared_table import UndeclaredTable
-from uq.identification.run_sums import ELEMENTS, FEATURES
+from uq.identification.recorded_sums import ELEMENTS, FEATURES
 from uq.identification.systematic_errors import nodes_of, problem_of, propagated
 from uq.identification.undeclared import with_undeclared
 from uq.live.estimate_lines import block_of, line_of, missed

@@ -12,7 +12,7 @@ from identify.motion.trajectory import sample
 from uq import law
 from uq.experiment.experiment import Experiment
 from uq.propagation.prediction import Prediction, predicted
-from uq.propagation.run_sums import jerk_of
+from uq.propagation.trajectory_sums import jerk_of
 
 
 def promised(experiment, name, rate):

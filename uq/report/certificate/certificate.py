@@ -200,7 +200,7 @@ class Certificate(Result):
         gap = None if result.undeclared is None else result.undeclared.largest(result.parameters.standard_uncertainty)
         if result.undeclared is None or gap is None:
             return ["What undeclared errors would add is not known."]
-        name, figures = QUANTITIES[gap.parameter][0], gap.effect
+        name, figures = QUANTITIES[gap.parameter][0], gap.row
         return [
             f"U leaves out errors that nobody declared: at typical size their u is up to {row[1]} times that of all "
             f"others, and the conventional bound holds them. The largest part, {100 * gap.share:.0f} % of u² of {name} "

@@ -275,7 +275,8 @@ TENSOR_NOTE = (
 )
 BOUND_NOTE = " The bound holds undeclared errors at typical size, too; it has no coverage probability."
 ORIGIN_NOTE = (
-    "measured: type A, from the runs; declared: sources; typical: undeclared errors, which the bound alone holds."
+    "measured: type A, from the runs; declared: sources; model misfit: what the runs contradict; typical: undeclared "
+    "errors, which the bound alone holds."
 )
 PRINCIPAL_NOTE = "turn, deg: standard uncertainty of the rotation of the other two axes about this one."
 CONFORMITY_NOTE = (

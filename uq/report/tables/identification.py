@@ -121,7 +121,7 @@ def bound_texts(result: Identification, intervals: Float[np.ndarray, "10 2"]) ->
         result: with undeclared errors.
         intervals: coverage intervals that they widen [kg, m, kg·m²].
     """
-    bounds = result.undeclared.bounds(result.parameters.values, intervals) if result.undeclared else intervals
+    bounds = result.bounds_of(intervals)
     units = [*mass_and_centre.UNITS, *[GRAM_METRE] * 6]
     texts = []
     for ends, unit, largest in zip(bounds, units, _largest(result), strict=True):
@@ -137,7 +137,7 @@ def _largest(result: Identification) -> np.ndarray:
 
 
 def _mass_and_centre(result: Identification) -> list[list[str]]:
-    """Value, standard uncertainty and first interval of mass and centre of gravity; – for what is not known."""
+    """Value, standard uncertainty and 95 % interval of mass and centre of gravity; – for what is not known."""
     ten, rows = result.parameters, []
     ends = result.intervals95
     columns = zip(

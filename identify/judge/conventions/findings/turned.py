@@ -107,10 +107,14 @@ class RateAxes(Finding):
     cure = "two sensors? use one of them: import without the columns of the other, or record the attitude as poses"
 
 
-_TURN = Cure(choices=[Entries({"imu_rotation_to_body": np.eye(3)[[1, 2, 0]]})])
+def _cure(vector: np.ndarray) -> Cure:
+    return Cure(choices=[Entries({"imu_rotation_to_body": np.asarray(exponential(vector).T)})])
+
+
+_TURNED, _A_LITTLE = np.array([0.0, 0.0, 0.52]), np.array([0.0, 0.021, 0.0])
 EXAMPLES = (
-    Turned(topic="/imu", vector=np.array([0.0, 0.0, 0.52]), u=0.0004, turn=_TURN),
-    TurnedALittle(topic="/imu", vector=np.array([0.0, 0.021, 0.0]), covariance=1e-6 * np.eye(3), turn=_TURN),
+    Turned(topic="/imu", vector=_TURNED, u=0.0004, turn=_cure(_TURNED)),
+    TurnedALittle(topic="/imu", vector=_A_LITTLE, covariance=1e-6 * np.eye(3), turn=_cure(_A_LITTLE)),
     RateAxes(topic="/imu", vector=np.array([0.0, 0.0, 1.57])),
 )
 
