@@ -1,1 +1,1 @@
-"""Results of an identification: tensor and uncertainty, alignment, weak components."""
+"""Results of an identification: the ledger of its errors, tensor, alignment, weak components."""

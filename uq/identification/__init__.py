@@ -1,1 +1,1 @@
-"""Identification of recorded runs: declared sources, static centre, tare, scatter of runs."""
+"""Identification of recorded runs: declared and undeclared errors, static centre, tare, scatter of runs."""
