@@ -143,6 +143,15 @@ class Section:
     """Number of tables that stand at the top of the section."""
 
 
+PAGE = "docs/explanation/troubles.md"
+"""Page of the documentation with a row for each cause and finding."""
+
+
+def place_in_docs(label: str) -> str:
+    """Return page and anchor of the documentation on a finding."""
+    return f"{PAGE}#{label.replace(' ', '-')}"
+
+
 class Shown:
     """Base of objects that show themselves as tables, in a terminal and in a notebook, through their type's view."""
 

@@ -11,13 +11,12 @@ from jaxtyping import Float
 
 from identify.errors.rig_state import Beliefs, RigState, TrueMotion
 from identify.errors.written_sizes import WrittenSize
+from identify.reporting import place_in_docs
 
 Numbers = Float[np.ndarray, " p"]
 Columns = Float[np.ndarray, "n 6 p"]
 Prior = Callable[[RigState, Columns], Numbers]
 """Function that gives the typical sizes of an error's numbers in a run, from that run and what a unit of each adds."""
-PAGE = "docs/explanation/troubles.md"
-"""Page of the documentation with a row for each cause and finding."""
 CELL_MATRIX = ("cell_matrix",)
 """Unknown of the joint model that holds all that mixes the load cell's channels."""
 STEP = 2.0**-17
@@ -27,11 +26,6 @@ Numerical: of an error that is smooth over 1 rad or 1 s, the term of third order
 """
 STEP_OF_UNITS = 2.0**-26
 """Step of central differences of unit wrenches, which is exact: no rounding hides it, and its square is below."""
-
-
-def place_in_docs(label: str) -> str:
-    """Return page and anchor of the documentation on a finding."""
-    return f"{PAGE}#{label.replace(' ', '-')}"
 
 
 class Stage(IntEnum):

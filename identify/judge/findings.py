@@ -9,8 +9,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar, dataclass_transform
 
-from identify.errors.error_model import place_in_docs
 from identify.judge.cure import Cure, written
+from identify.reporting import place_in_docs
 from identify.results.declaration import ResidualCause
 from identify.rounding import significant
 

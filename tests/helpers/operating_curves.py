@@ -28,9 +28,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.errors.error_model import CauseWords, place_in_docs
+from identify.errors.error_model import CauseWords
 from identify.errors.registry import ERRORS
 from identify.judge.finding_pages import FindingPage, all_findings
+from identify.reporting import place_in_docs
 from identify.rounding import significant
 from tests.helpers.laboratory import FINE, Measured, measure
 from tests.helpers.laboratory_mechanics import base_angles, base_motion

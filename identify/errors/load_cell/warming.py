@@ -4,26 +4,15 @@ Looks like: exponentials of time. Matters: as a drift. Do: let it warm up, decla
 """
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage
 from identify.errors.load_cell.drift import SIZES
 from identify.errors.load_cell.zero import along_zero_axes
 from identify.errors.priors_of_size import fixed
 from identify.errors.rig_state import RigState
+from identify.signals.drift_shapes import TIMES, drift_shapes
 
-TIMES = (0.5, 0.125, 0.03)
-"""Time constants with which a load cell's zero warms up, in parts of the run.
-
-Choice: three, with a straight line within 0.8 % of any exponential of a fortieth of the run or more.
-"""
 COUNT = 1 + len(TIMES)
-
-
-def drift_shapes(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4"]:
-    """Return what the drift of a zero consists of: a straight line, then exponentials, from the start to the end."""
-    progress = (time - time[0]) / (time[-1] - time[0])
-    return np.stack([progress, *(np.exp(-progress / part) for part in TIMES)], axis=1)
 
 
 def act(state: RigState, changes: Numbers) -> RigState:

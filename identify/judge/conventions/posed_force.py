@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.load_cell.warming import drift_shapes
 from identify.judge.conventions.convention_fit import LEAST_MISFIT, NOT_RIGID
+from identify.signals.drift_shapes import drift_shapes
 
 YAWS = 3600
 """Turns about the vertical that are tried where the axes at rest are not those of the wrench.

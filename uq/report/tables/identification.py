@@ -5,9 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import PAGE
 from identify.estimators import offsets
-from identify.reporting import Drawing, Section, section_of
+from identify.reporting import PAGE, Drawing, Section, section_of
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
 from identify.results.identification_result import Identification
