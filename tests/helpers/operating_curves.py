@@ -332,8 +332,8 @@ def _error(figures: dict[str, str]) -> str:
 def _looks(cause: CauseWords) -> str:
     if cause.pattern == "{}":
         text = cause.write_size(np.full(2, 3e-5), np.full(2, 1e-6))
-        return re.sub(r"\(?\d[^a-zA-Z]*", "… ", text)
-    return re.sub(r"\{[^}]*\}", "…", cause.pattern)
+        return "as if " + re.sub(r"\(?\d[^a-zA-Z]*", "… ", text)
+    return "as if " + re.sub(r"\{[^}]*\}", "…", cause.pattern)
 
 
 def _cure(cause: CauseWords) -> str:
@@ -348,7 +348,10 @@ def pages() -> dict[Path, str]:
 def _page(finding: FindingPage) -> str:
     """The page of a finding."""
     printed = "".join(f"\n```text\n{line}\n```\n" for line in finding.printed)
-    curves = [row for label, row in _figures().items() if finding.label in (label, CURVES[label].label)]
+    same = {label: curve for label, curve in CURVES.items() if finding.label in (label, curve.label)}
+    # an error of the rig of the same label is another matter: its row is in the table
+    shown = [label for label, curve in same.items() if (curve.method == CONVENTIONS) != finding.in_results]
+    curves = [row for label, row in _figures().items() if label in shown]
     how_often = "No error of the simulated laboratory shows in this finding." if not curves else (
         "| error, sizes | false alarms in clean runs | named, % |\n|---|---|---|"
         + "".join(f"\n| {_error(row)} | {_alarms(row)} | {row['named [%]']} |" for row in curves)
