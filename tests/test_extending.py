@@ -139,7 +139,11 @@ from identify.joint.priors import ConstantError
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document
 from tests.helpers.laboratory_runs import identified, run_of
+from uq import montecarlo
 from uq.experiment.experiment import Experiment
+from uq.files.mistakes import ExperimentError
+from uq.identification.estimated_errors import estimated_errors
+from uq.identification.systematic_errors import with_declared_sources
 from uq.identification.undeclared import with_undeclared
 
 jax.config.update("jax_enable_x64", True)
@@ -155,6 +159,21 @@ off = identified(replace(clean, omega=clean.omega * (1 + 1e-3 * since))).inertia
 print(effect.text, effect.figure, bool(abs(effect.parameters[9] / off[5] + 1) < 0.1))
 errors = {"gyro_warming": ConstantError("gyro_warming", np.zeros(3), 0.02**2 * np.eye(3))}
 joint = identified(warm, "joint", errors=errors)
+source = {"name": "warming", "target": "omega", "kind": "warming", "sigma": "2 %", "group": "imu"}
+content = document(clean)
+content["source"] = [*content["source"], source]
+declared = Experiment.from_dict(content)
+(prior,) = [error for name, error in estimated_errors(declared, 15.0).items() if name == "warming"]
+known = with_undeclared(with_declared_sources(identified(clean), [run_of(clean)], declared), [run_of(clean)], declared)
+ratio = known.contributions["warming"][5] / (20 * abs(effect.parameters[9]))
+told = "gyro_warming" in [row.error for row in known.undeclared.rows]
+preset = Experiment.load("barreto2016").document
+drawn = Experiment.from_dict(dict(preset) | {"source": [*preset["source"], source]})
+try:
+    montecarlo(drawn, trials=2)
+except ExperimentError as error:
+    refused = str(error)
+print(prior.unknown, prior.covariance[0, 0] == 0.02**2, round(ratio, 1), told, refused)
 far = np.abs(joint.inertia - clean.truth) / joint.standard_uncertainty
 print(joint.consistency, bool((far < 3).all()), "gyro_warming" in joint.contributions)
 """
@@ -171,12 +190,16 @@ def test_a_new_error_of_the_rig(tmp_path):
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     ran = subprocess.run([sys.executable, "-c", WARMED], env=environment, capture_output=True, text=True, cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
-    warning, docs, undeclared, estimated = ran.stdout.splitlines()
+    warning, docs, undeclared, declared, estimated = ran.stdout.splitlines()
     found = re.search(r"changed by \(([\d.]+) ± \S+, ([\d.]+) ± \S+, ([\d.]+) ± \S+\) % over the run", warning).groups()
     np.testing.assert_allclose([float(value) for value in found], 2, atol=0.15)
     assert docs == "docs/explanation/troubles.md#gyro-warming"
     assert undeclared == "warming of the gyro 0.1 % True"
     assert estimated == "() True True"
+    assert declared == (
+        "gyro_warming True 1.0 False source 'warming' (warming of omega) acts on recorded runs alone, which no trial "
+        "draws: leave it out with --without warming"
+    )
 
 
 IMPORTED = "from identify.errors.imu.gyro_warming import GYRO_WARMING"

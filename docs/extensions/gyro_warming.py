@@ -27,7 +27,7 @@ def act(state: RigState, change: Numbers) -> RigState:
 
 GYRO_WARMING = ErrorModel(
     name="gyro_warming", count=3, act=act, linear=True, stage=Stage.SENSOR_GAIN, part="gyro", scope="run",
-    unknowns=("gyro_warming",), typical=TYPICAL, prior=fixed(*[TYPICAL.figure] * 3),
+    unknowns=("gyro_warming",), declared_as=("omega", "warming"), typical=TYPICAL, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "gyro warming", "the gyro's scale factors changed by {} over the run", "let it warm up", every(100.0, "%")
     ),

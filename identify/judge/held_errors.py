@@ -52,7 +52,8 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
         fits: of each run, at its best under the same priors, its specific force from where the estimator has it.
     """
     if result.method != "joint":
-        return {error.name: _by_least_squares(error, result, fits) for error in BESIDE if _undeclarable(error)}
+        # of an accelerometer's errors least squares know nothing
+        return {error.name: _by_least_squares(error, result, fits) for error in BESIDE if error.part != "accelerometer"}
     held = [_held(fit.prediction) for fit in fits]
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
@@ -61,11 +62,6 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     shift = pooled_change(fits, added, shared)[indices(TEN)]
     sizes = [columns.shape[2] for columns in held[0].values()]
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
-
-
-def _undeclarable(error: ErrorModel) -> bool:
-    """Whether no source can be the error, which changes the moment about the centre of gravity."""
-    return error.declared_as is None and error.part != "accelerometer"
 
 
 def _by_least_squares(error: ErrorModel, result: Identification, fits: Sequence[RunFit]) -> Float[np.ndarray, "10 p"]:

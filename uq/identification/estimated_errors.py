@@ -14,6 +14,7 @@ from identify.joint.priors import ConstantError
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import CELL_CHANNELS, effect, no_errors
 from uq.sources.draws import Mixing
+from uq.sources.recorded_kinds import OfRecordedRuns
 from uq.sources.source import Source, kind_of
 
 
@@ -24,8 +25,8 @@ def _declared_errors() -> dict[str, ErrorModel]:
     for error in ERRORS.values():
         if error.declared_as is not None:
             target, name = error.declared_as
-            field = kind_of(target, name).perturbs[target]
-            if error.count == zero[field].size:
+            field = kind_of(target, name).perturbs.get(target, "")
+            if field and error.count == zero[field].size:
                 fields[field] = error
     return fields
 
@@ -39,6 +40,9 @@ def estimated_as(source: Source, duration: float) -> tuple[str, Callable[[np.nda
         source: a constant error.
         duration: of a run [s], which makes a change of a drift's slope.
     """
+    if isinstance(source.error_kind, OfRecordedRuns):
+        unknowns = source.error_kind.error.unknowns
+        return (unknowns[0], np.ravel) if unknowns else None
     error = _declared_errors().get(source.perturbs or "")
     if error is None or error is CENTRE_OF_GRAVITY:
         return None
@@ -65,7 +69,7 @@ def estimated_errors(
     """
     priors = {}
     for source in experiment.sources:
-        if not source.constant or source.perturbs is None:
+        if not source.constant:
             continue
         if (estimate := estimated_as(source, duration)) is not None:
             unknown, numbers = estimate
@@ -85,7 +89,7 @@ def drawn_unknowns(experiment: Experiment) -> frozenset[str]:
     redrawn, recording = experiment.recording.drawn_by_mounting, experiment.recording
     names: dict[str, set[str]] = {}
     for source in experiment.sources:
-        if source.constant and source.perturbs is not None:
+        if source.constant:
             unknown, _ = estimated_as(source, 1.0) or ("", None)
             names.setdefault("r_cg" if source.perturbs == "r_cg" else unknown, set()).add(source.name)
     stated = {"delay": recording.sigma_delay, "rotation": recording.sigma_rotation}

@@ -5,7 +5,7 @@ added to it (:mod:`uq.recorded.measured_noise` compares the two). Constant sourc
 all runs, so they do not average out; those that each mounting draws independently do.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ from uq.identification.estimated_errors import draw_root
 from uq.identification.recorded_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
+from uq.sources.recorded_kinds import OfRecordedRuns
 from uq.sources.source import Source
 from uq.trials.trial_loop import all_trials, finite_trials
 
@@ -122,7 +123,7 @@ def with_declared_sources(
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
         warnings = (*warnings, f"{left_out}: they are left out")
-    rows = [
+    rows = [*_of_recorded_runs(result, experiment)] + [
         drawn_row(
             source.name, systematic.alone[source.name],
             key=source.name if source.perturbs in SAME_FOR_EVERY_BODY else "",
@@ -152,6 +153,17 @@ def with_declared_sources(
         result, ledger=ledger, warnings=warnings, pooling=pooling,
         diagnostics={**result.diagnostics, **_diagnostics(ledger, pooling, trials)},
     )  # fmt: skip
+
+
+def _of_recorded_runs(result: Identification, experiment: Experiment) -> Iterator[Row]:
+    """Rows of declared errors that no trial draws, by the estimate's derivatives; its own unknowns it has already."""
+    derivatives = result.by_held_errors or {}
+    for source in experiment.sources:
+        kind = source.error_kind
+        estimated = isinstance(kind, OfRecordedRuns) and result.method == "joint" and kind.error.unknowns
+        if isinstance(kind, OfRecordedRuns) and not estimated and kind.error.name in derivatives:
+            changes = derivatives[kind.error.name] @ draw_root(source, experiment.mixing)
+            yield Row(error=source.name, changes=changes, key=source.name)
 
 
 OF_MASS_AND_CENTRE = (np.arange(10) < 4)[:, None].astype(float)
@@ -270,7 +282,7 @@ def _acting(
     centres = {source.name for source in experiment.sources if slopes or (drawn_centre and source.name in redrawn)}
     return tuple(
         source for source in experiment.sources
-        if source.constant and source.perturbs not in elsewhere
+        if source.constant and source.perturbs is not None and source.perturbs not in elsewhere
         and (source.perturbs != "r_cg" or source.name in centres)
     )  # fmt: skip
 

@@ -28,7 +28,8 @@ from uq.identification.centre_errors import ON_POSES, wrench_error
 from uq.identification.estimated_errors import estimated_errors
 from uq.identification.systematic_errors import OF_MASS_AND_CENTRE, SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
-from uq.sources.source import Source
+from uq.sources.recorded_kinds import OfRecordedRuns
+from uq.sources.source import Source, kind_of
 
 NEGLIGIBLE = 1e-9
 """Part of the mass, of a metre and of the moments of inertia below which an error adds nothing: rounding."""
@@ -80,8 +81,10 @@ def with_undeclared(
             changes |= _of_least_squares(result, runs, undeclared)
         except RunError:  # too short for a delay
             return result
+    declared = {(source.target, source.kind) for source in experiment.sources}
     for error, figure in figures_of(experiment):
-        if error in BESIDE and error.declared_as is None and error.name in by_held:
+        drawn = error.declared_as is not None and not isinstance(kind_of(*error.declared_as), OfRecordedRuns)
+        if error in BESIDE and not drawn and error.declared_as not in declared and error.name in by_held:
             changes[error.name] = by_held[error.name] @ error.typical_numbers(figure)
     table = experiment.undeclared
     if result.mass is not None and not result.parameters.standard_uncertainty[0] > 0 and table.mass is not None:

@@ -96,7 +96,7 @@ class LiveEstimate:
 
 def sources_in(experiment: Experiment) -> tuple[Source, ...]:
     """Return the constant sources that a live estimate holds: all that ``inertia identify`` has but for air's."""
-    return tuple(s for s in experiment.sources if s.constant and s.perturbs not in OF_THE_RIG)
+    return tuple(s for s in experiment.sources if s.constant and s.perturbs and s.perturbs not in OF_THE_RIG)
 
 
 def estimated(sums: RunningSums, experiment: Experiment) -> LiveEstimate:

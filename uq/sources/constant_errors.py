@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array, library_of
+from uq.files.mistakes import ExperimentError
 from uq.sources.source import Draw, Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
@@ -78,10 +79,24 @@ def unravel(errors: Float[Array, " e"]) -> Errors:
 def effect(source: Source, draw: Draw) -> Draw:
     """Return what a constant source's draw [SI] adds to the field that it perturbs: linear in it."""
     value, first = source.error_kind.value(source, draw), CELL_CHANNELS.get(source.target)
-    if first is None:
+    if first is None or source.perturbs is None:
         return value
     # of force or moment: three of the load cell's six channels
     return library_of(value).concat([np.zeros(first), value, np.zeros(3 - first)])
+
+
+def field_of(source: Source) -> str:
+    """Return the field of :class:`Errors` that a constant source's draw sets.
+
+    Raises:
+        ExperimentError: the source acts on recorded runs alone.
+    """
+    if source.perturbs is None:
+        raise ExperimentError(
+            f"source '{source.name}' ({source.kind} of {source.target}) acts on recorded runs alone, which no trial "
+            f"draws: leave it out with --without {source.name}"
+        )
+    return source.perturbs
 
 
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
@@ -89,8 +104,8 @@ def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases
     effects: dict[str, list[Draw]] = {}
     acting: dict[str, list[list[float]]] = {}
     for source in sources:
-        if source.constant and source.perturbs is not None:
-            field = source.perturbs
+        if source.constant:
+            field = field_of(source)
             effects.setdefault(field, []).append(effect(source, draws[source.name].astype(float)))
             acting.setdefault(field, []).append([float(source.name in case) for case in cases])
     fields = {field: np.zeros((len(cases), *zero.shape)) for field, zero in no_errors()._asdict().items()}
