@@ -18,7 +18,7 @@ from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.identification import systematic_errors
 from uq.identification.systematic_errors import (
-    HELD,
+    IN_THE_WRENCH,
     draws,
     estimate,
     problem_of,
@@ -42,7 +42,7 @@ def only(experiment, *sources):
 def constant():
     """An experiment with one of every constant error that a recorded run does not hold already."""
     experiment = Experiment.load(DOCS / "many-errors.toml")
-    return only(experiment, *(s for s in experiment.sources if s.constant and s.perturbs not in HELD))
+    return only(experiment, *(s for s in experiment.sources if s.constant and s.perturbs not in IN_THE_WRENCH))
 
 
 @pytest.fixture(scope="module")

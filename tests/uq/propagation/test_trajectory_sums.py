@@ -12,7 +12,7 @@ from uq.experiment.experiment import Experiment
 from uq.gram_sums.error_maps import WrenchBasis, true_elements
 from uq.gram_sums.noise_moments import run_moments
 from uq.planning.required_duration import lasting
-from uq.propagation import run_sums as pieces
+from uq.propagation import trajectory_sums as pieces
 from uq.sources.noise_filters import WHITE
 
 
