@@ -9,7 +9,7 @@ from identify.joint.priors import ConstantError, Prior, indices
 from identify.judge.held_errors import departing_declarations, pooled_change
 from identify.judge.run_fit import RunFit
 from identify.methods.base import Problem
-from identify.results.declaration import CONTRADICTED, contradicted
+from identify.results.declaration import CONTRADICTED, contradiction
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_mechanics import MASS
 from tests.helpers.laboratory_runs import identified
@@ -80,9 +80,9 @@ def test_runs_tell_a_declared_quantity_together():
     assert told.value == pytest.approx(2.0 + 0.2 * best[1], rel=1e-9)
     assert told.distance == pytest.approx(abs(best[1]), rel=1e-9)
     assert FAR < CONTRADICTED < told.distance
-    assert contradicted([told]) == f"the runs contradict what is declared of {told.name} ({told.distance:.1f} u off)"
+    assert contradiction([told]) == f"the runs contradict what is declared of {told.name} ({told.distance:.1f} u off)"
     near = told._replace(value=told.declared + 4.9 * told.standard_uncertainty)
-    assert contradicted([near]) == ""
+    assert contradiction([near]) == ""
 
 
 @pytest.mark.parametrize(
