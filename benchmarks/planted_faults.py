@@ -1,4 +1,4 @@
-"""Whether the tests see an error: some forty faults planted one by one in a copy of the tree, and the tests run on it.
+"""Whether the tests see an error: some sixty faults planted one by one in a copy of the tree, and the tests run on it.
 
 Each fault is a change of a piece of source text, found by the text wherever its file stands, so that the same faults
 can be planted in another version. The tests that stand nearest run first, the others only where these see nothing.
@@ -60,6 +60,15 @@ FAULTS = (
           ("np.sqrt(self.excess**2 - 1)[:, None]", "self.excess[:, None]")),
     fault("tare_shared", "a fixture's share of an error of the rig added, not taken off", "ledger tare",
           ("changes=row.changes + same.changes", "changes=row.changes - same.changes")),
+    # identify: errors of the rig, the judge of all runs
+    fault("error_turn", "a gyro turned the other way round", "error_models",
+          ("to_gyro = exponential(turn)", "to_gyro = exponential(-turn)")),
+    fault("error_clock", "an IMU's clock that runs fast where it runs slow", "error_models",
+          ("rate = 1 - np.gradient(seconds", "rate = 1 + np.gradient(seconds")),
+    fault("error_belief", "a belief that errs with the sign of what it is of", "error_models",
+          ("getattr(self.beliefs, name) - error}", "getattr(self.beliefs, name) + error}")),
+    fault("judge_agrees", "a cause of the rig on which the runs do not agree", "runs_together",
+          ("* len(further) > UNLIKE", "* len(further) >= 0.0")),
     # identify: rigid body, motion, signals
     fault("regressor", "sign of a product of omega in Omega_R", "regressor gram",
           ("[a1, a2 - w13, a3 + w12,", "[a1, a2 + w13, a3 + w12,")),
