@@ -96,11 +96,13 @@ def solve(
     """
     z, change, steps = start, np.full(len(start), np.inf), 0
     while True:
+        # Gauss–Newton: second derivatives of the prediction are left out, as residuals are noise
         at = linearised(model, prior, z, transform)
         columns, weight = at.columns.reshape(-1, len(z)), weights(at.columns)
         information = weight @ (columns.T @ columns)
         normal = information + np.diag(prior.counted)
         change = np.linalg.solve(normal, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
+        # a step in units of the posterior's standard uncertainties: scale-free, and small when nothing is left to gain
         converged = bool(change @ normal @ change < tolerance**2 * len(z))
         if converged or steps == MOST_STEPS or not np.isfinite(change).all():
             return RunSolution(z, information, weight, at.prediction, steps, converged)

@@ -68,18 +68,22 @@ def pool(runs: Sequence[JointRun], shared: Iterable[str], drawn_by_mounting: Ite
     labels = dict.fromkeys(names)
     groups = [[k for k, name in enumerate(names) if name == label] for label in labels]
     groups = groups if len(labels) > 1 else [[k] for k in range(len(runs))]
+    # each cluster eliminates what is its own, so that only equations of the shared unknowns are added
     clusters = [_Cluster([runs[k] for k in group], common, by_mounting) for group in groups]
     reduced = [cluster.equations() for cluster in clusters]
     total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
     precision = np.diag(counted[common])
+    # the prior counts once, however many runs share it
     inverse = np.linalg.inv(total + precision)
     z = inverse @ right
     scatter, freedom = _scatter(reduced, z)
+    # scatter between clusters widens what the data tell, not what is declared
     spread = scatter**2 * inverse @ total @ inverse + inverse @ precision @ inverse
     theta: dict[int, np.ndarray] = {}
     for group, cluster, equations in zip(groups, clusters, reduced, strict=True):
         others = (equations.by_right + equations.by_shared @ z)[:, 0]
         theta |= {k: runs[k].prior.theta(cluster.values(n, z[:, 0], others)) for n, k in enumerate(group)}
+    # back substitution: a change of the shared unknowns carries the first run's own along
     first, others = reduced[0], clusters[0].others(0)
     carried = np.zeros((len(common), len(z)))
     carried[common], carried[~common] = np.eye(len(z)), first.by_shared[others]
@@ -145,6 +149,7 @@ def _scatter(reduced: Sequence[SharedEquations], z: np.ndarray) -> tuple[float, 
         return 1.0, np.inf
     squares, rank = 0.0, 0
     for equations in reduced:
+        # quadratic form of the score (Cochran's Q): chi-squared with the rank as degrees of freedom
         residual = (equations.right - equations.matrix @ z)[:, 0]
         squares += float(residual @ np.linalg.pinv(equations.matrix, rcond=1e-10, hermitian=True) @ residual)
         rank += int(np.linalg.matrix_rank(equations.matrix, rtol=1e-10, hermitian=True))

@@ -44,6 +44,7 @@ class NoiseSpectrum:
 
         Directions that the rows do not see keep the weight that they have in white noise, as lines above the band do.
         """
+        # in the eigenvectors of I, which is then a unit matrix, J is one and what S adds: no difference of large terms
         normal, inside = products(columns, columns), columns[: len(self.spectrum.shape)]
         squares = np.diag(normal)
         scale = 1 / np.sqrt(np.where(squares > ROUNDING**2 * squares.max(), squares, 1.0))

@@ -198,6 +198,7 @@ def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
         return bool(enough and cause.evidence.chance * tries < CHANCE)
 
     causes = list(filter(shown, judged))
+    # Bayes factors compare only in one noise: that which the cause of most power leaves
     if len(causes) > 1:
         most = max(causes, key=lambda cause: cause.evidence.power).evidence
         noise = base.absorbing(most.lines, most.scale).noise
@@ -225,6 +226,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
         excluded: causes that cannot be, or that are no news.
         base: the fitted unknowns of all runs, and what else is declared.
     """
+    # forward selection: one cause at a time, the most probable, with which the rest is then judged anew
     open_to, started, free = candidates(fits, excluded), base, base
     named: list[FollowedCause] = []
     implausible, first = None, 0.0
@@ -235,12 +237,14 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
             if cause.evidence.predicted > IMPOSSIBLE and cause.candidate.agrees(base, cause.evidence)
         ]  # fmt: skip
         others = [cause for cause in shown if cause not in likely]
+        # what the runs disagree on, or what cannot be, is said to be unexplained rather than given a likely name
         if others and (not likely or others[0].evidence.logarithm > likely[0].evidence.logarithm + LIKELY):
             implausible = others[0]
             break
         if not likely:
             break
         best = _simplest(likely)
+        # an echo: what a linearised first cause leaves over imitates others, but is small beside it
         power = float(
             np.square(base.together(base.beside(best.evidence.lines).remaining) @ best.evidence.coefficients).sum()
         )
@@ -252,6 +256,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
             if cause.candidate.error.label != best.candidate.error.label and _as_probable(cause, best)
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))
+        # under its prior it is beside further causes; freed of it, what remains is counted as unexplained
         base = base.absorbing(best.evidence.lines, best.evidence.scale)
         free = free.absorbing(best.evidence.lines, FREE * best.evidence.scale)
         taken = best.candidate.error, best.candidate.run

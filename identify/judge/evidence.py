@@ -136,6 +136,7 @@ class Base:
     def noise(self) -> list[np.ndarray]:
         """Standard deviation of the noise on the lines of each run, from the residuals of all, (m, rows, 1)."""
         residuals = self.together(self.residuals)
+        # one spectrum of all runs: a cause of the rig must not differ from run to run by a run's own noise level
         power = np.empty_like(residuals)
         power[self.order] = spectrum(residuals, 1 - self.together(self.leverage), self.width)
         deviation = np.sqrt(np.maximum(power, 1e-300))[:, :, None]
@@ -154,6 +155,7 @@ class Base:
 
     def beside(self, columns: Lines) -> Absorbed:
         """Return what the base does not absorb of some columns."""
+        # block elimination: first each run's own unknowns, then what all runs share (Schur complement)
         beside_runs = [run.beside_run(part) for run, part in zip(self.runs, columns, strict=True)]
         right = np.sum([products(run.reduced, part) for run, part in zip(self.runs, columns, strict=True)], axis=0)
         by_shared = np.linalg.solve(self.normal, right)
@@ -184,6 +186,7 @@ class Base:
         right = np.sum(rights, axis=0)
         bases = []
         for run, right_of_run in zip(self.runs, rights, strict=True):
+            # a run given the others: their information is its prior, and their estimate that prior's mean
             precision = self.normal - run.information
             departure = run.departure - (run.shared @ solution(precision, right - right_of_run))[:, :, 0]
             bases.append(replace(self, runs=(replace(run, departure=departure),), precision=precision))
