@@ -20,7 +20,7 @@ from identify.joint.predicted_wrench import Columns, PredictedWrench
 
 def derivative(run: PredictedWrench, unknown: str) -> Columns:
     """Return the derivative of what is predicted by an unknown of the joint model, (n, 6, p)."""
-    return ErrorColumns(run).of(BY_ACT[unknown]) if unknown in BY_ACT else run.derivative(unknown)
+    return ErrorColumns(run).columns(BY_ACT[unknown]) if unknown in BY_ACT else run.derivative(unknown)
 
 
 def departure(run: PredictedWrench) -> Float[np.ndarray, "n 6"]:
@@ -39,7 +39,7 @@ class ErrorColumns:
 
     run: PredictedWrench
 
-    def of(self, error: ErrorModel) -> Columns:
+    def columns(self, error: ErrorModel) -> Columns:
         """Return what a unit of each number of an error adds to measured less predicted, (n, 6, p).
 
         The load cell's known errors are left out. Zeros where nothing tells the specific force as the error needs it.

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.errors.error_model import ErrorModel
 from identify.joint.joint_model import BY_ACT, SIZES, SLICES
 from identify.joint.priors import Prior
 from identify.results.declaration import Declaration
@@ -23,6 +24,14 @@ class Quantity(NamedTuple):
     scale: float
     unit: str
     advice: str
+
+
+def _by_act(error: ErrorModel) -> Quantity:
+    """The texts of an error that is an unknown by its file alone; without a typical size in SI."""
+    size, advice = error.typical, "declare it wider, or calibrate"
+    if size is None:
+        return Quantity(error.name.replace("_", " "), 1.0, "(SI)", advice)
+    return Quantity(size.text, size.per_si, size.unit, advice)
 
 
 QUANTITIES = {
@@ -53,17 +62,12 @@ QUANTITIES = {
     "gravity": Quantity("error of gravity", 1.0, "m/s²", "check platform.gravity and the load cell's gain"),
     "gyro_scale": Quantity("scale error of the gyro", 100.0, "%", "declare it wider, or calibrate"),
     "cell_matrix": Quantity("error of the load cell's matrix", 100.0, "%", "declare it wider, or calibrate"),
+    **{name: _by_act(error) for name, error in BY_ACT.items()},
 }  # fmt: skip
 """Name, unit and cure of each unknown of :data:`identify.joint.joint_model.SIZES`, the rotation first, as all
 others are in its axes.
 
 Unknowns that are missing here only absorb slow errors."""
-for _error in BY_ACT.values():
-    _typical = _error.typical
-    _words = (_error.name.replace("_", " "), 1.0, "(SI)") if _typical is None else (
-        _typical.text, _typical.per_si, _typical.unit
-    )  # fmt: skip
-    QUANTITIES[_error.name] = Quantity(*_words, "declare it wider, or calibrate")
 
 
 def departures(theta: np.ndarray, prior: Prior, names: Collection[str] = QUANTITIES) -> tuple[Declaration, ...]:

@@ -106,7 +106,7 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[ErrorModel]) -> list[
     runs = [ErrorColumns(fit.prediction) for fit in fits]
     for error in ERRORS.values():
         if error.prior is not None and error not in excluded:
-            parts = [(columns := run.of(error), error.prior(run.rows, columns)) for run in runs]
+            parts = [(columns := run.columns(error), error.prior(run.rows, columns)) for run in runs]
             owners: Iterable[int | None] = range(len(fits)) if error.scope == "run" else [None]
             made += [_candidate(error, owner, fits, parts) for owner in owners]
     return [candidate for candidate in made if len(candidate.size)]

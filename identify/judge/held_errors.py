@@ -65,7 +65,7 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
 
 
 def _by_least_squares(error: ErrorModel, result: Identification, fits: Sequence[RunFit]) -> Float[np.ndarray, "10 p"]:
-    added, weights = [ErrorColumns(fit.prediction).of(error) for fit in fits], [run.weight for run in result.runs]
+    added, weights = [ErrorColumns(fit.prediction).columns(error) for fit in fits], [run.weight for run in result.runs]
     change = tensor_change(fits, weights, added, offsets=result.offsets == "estimate")
     return np.vstack([np.zeros((4, error.count)), change])
 
@@ -77,9 +77,11 @@ def _shared(problem: Problem) -> set[str]:
 
 
 def _held(run: PredictedWrench) -> dict[str, Columns]:
-    by_act, reads = ErrorColumns(run), run.force_from == "accelerometer"
+    columns_by_act, reads = ErrorColumns(run), run.force_from == "accelerometer"
     columns = {name: run.derivative(name) for name in HELD}
-    return columns | {held_name(error): by_act.of(error) for error in BESIDE if reads or error.part != "accelerometer"}
+    return columns | {
+        held_name(error): columns_by_act.columns(error) for error in BESIDE if reads or error.part != "accelerometer"
+    }
 
 
 def pooled_change(

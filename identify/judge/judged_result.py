@@ -319,7 +319,7 @@ def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> B
     base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU
-    turns = [fit.transformed(ErrorColumns(fit.prediction).of(GYRO_AXES) @ axes) for fit in fits]
+    turns = [fit.transformed(ErrorColumns(fit.prediction).columns(GYRO_AXES) @ axes) for fit in fits]
     return base.absorbing(turns) if axes.size else base
 
 

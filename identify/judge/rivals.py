@@ -56,7 +56,7 @@ def rivals(evidence: Evidence, run: PredictedWrench) -> list[Rival]:
 
 def _of_rotation(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """The load cell turned against the body, in place of the IMU."""
-    turned = ErrorColumns(run).of(LOAD_CELL_AXES) @ -turn
+    turned = ErrorColumns(run).columns(LOAD_CELL_AXES) @ -turn
     return [Rival("a rotation of the load cell", "correct wrench_rotation_to_body", turned)]
 
 
@@ -64,7 +64,7 @@ def _of_mass(missing: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """Gain, a part beside the body, gravity and air, of the same weight as a mass that is missing in the declared."""
     kg, share = float(missing[0]), float(missing[0] / run.x["mass"][0])
     gain = f"gains of the load cell of {signed(100 * share)} %"
-    added = ErrorColumns(run).of(GAIN) @ np.full(GAIN.count, share)
+    added = ErrorColumns(run).columns(GAIN) @ np.full(GAIN.count, share)
     others = [Rival(gain, "calibrate it, or declare a scale of F and M", added)]
     if kg > 0:
         others.append(_beside(kg, run))

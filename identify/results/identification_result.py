@@ -17,7 +17,7 @@ from identify.results.alignment import Aligned
 from identify.results.declaration import Declaration, ResidualCause, contradiction, status
 from identify.results.discordance import Discordance
 from identify.results.held_out_result import HeldOut
-from identify.results.ledger import USUAL, Ledger, Row, Tier
+from identify.results.ledger import USUAL, Ledger, Row
 from identify.results.run_estimate import RunEstimate, offsets_content
 from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS
@@ -96,15 +96,15 @@ class Identification(Result):
 
         The mass counts as exact where its standard uncertainty is zero.
         """
-        return self._with_covariance("measured", "declared", "contradicted")
+        return self._with_errors(self.ledger.in_intervals)
 
     @property
     def with_undeclared(self) -> InertialParameters:
         """The ten parameters, whose covariance holds undeclared errors at typical size, too, where they are known."""
-        return self._with_covariance("measured", "declared", "contradicted", "typical")
+        return self._with_errors(self.ledger)
 
-    def _with_covariance(self, *tiers: Tier) -> InertialParameters:
-        covariance = self.ledger.of(*tiers).covariance
+    def _with_errors(self, ledger: Ledger) -> InertialParameters:
+        covariance = ledger.covariance
         if np.isnan(self.value[0]):
             covariance = covariance.copy()
             covariance[0] = covariance[:, 0] = 0.0
@@ -204,7 +204,7 @@ class Identification(Result):
     @property
     def undeclared(self) -> Ledger | None:
         """Errors that the intervals leave out, at typical size; None: not looked at, or they cannot be known."""
-        return self.ledger.of("typical") if self.looked_at_undeclared else None
+        return self.ledger.of_tiers("typical") if self.looked_at_undeclared else None
 
     @property
     def conventional_bounds(self) -> Float[np.ndarray, "10 2"] | None:

@@ -173,9 +173,14 @@ class Ledger(Shown):
     """Expected error that is not corrected and may or may not act: intervals hold the true value with and without it
     (GUM F.2.4.5). NaN counts as none."""
 
-    def of(self, *tiers: Tier) -> "Ledger":
+    def of_tiers(self, *tiers: Tier) -> "Ledger":
         """Return the rows of some origins."""
         return Ledger(tuple(row for row in self.rows if row.tier in tiers), self.expected)
+
+    @property
+    def in_intervals(self) -> "Ledger":
+        """The rows that intervals and covariances hold: all but typical sizes."""
+        return self.of_tiers("measured", "declared", "contradicted")
 
     def joined(self, rows: Iterable[Row]) -> "Ledger":
         """Return the ledger with further rows; one of a key takes the place of that key's."""
@@ -228,16 +233,16 @@ class Ledger(Shown):
             probability: coverage probability.
             physical: arms of 95 % of the tensor by linear rows, within physical bodies [kg·m²]; None: by rows alone.
         """
-        known = self.of("measured", "declared")
-        arms = known._with_drawn(known._linear(probability, physical), probability, physical is not None)
-        mean = sum((np.broadcast_to(row.mean, 10) for row in known.rows), np.zeros(10))
+        distributed = self.of_tiers("measured", "declared")
+        arms = distributed._with_drawn(distributed._linear(probability, physical), probability, physical is not None)
+        mean = sum((np.broadcast_to(row.mean, 10) for row in distributed.rows), np.zeros(10))
         expected = np.nan_to_num(self.expected)
         arms = arms + np.outer(mean, [1, -1]) + np.maximum(np.outer(expected, [1, -1]), 0.0)
-        return reaching(arms, self.of("contradicted").standard_uncertainty)
+        return reaching(arms, self.of_tiers("contradicted").standard_uncertainty)
 
     def half_width(self, half: Float[np.ndarray, "10"]) -> Float[np.ndarray, "10"]:
         """Return half of the conventional bounds from half of the coverage intervals of 95 %: squares add."""
-        return np.hypot(half, CONVENTIONAL * self.of("typical").standard_uncertainty)
+        return np.hypot(half, CONVENTIONAL * self.of_tiers("typical").standard_uncertainty)
 
     def bounds(
         self, values: Float[np.ndarray, "10"], intervals: Float[np.ndarray, "10 2"]
@@ -249,7 +254,7 @@ class Ledger(Shown):
             intervals: their coverage intervals; infinite or NaN ends stay so.
         """
         arms = (intervals - values[:, None]) * [-1, 1]
-        return values[:, None] + reaching(arms, self.of("typical").standard_uncertainty) * [-1, 1]
+        return values[:, None] + reaching(arms, self.of_tiers("typical").standard_uncertainty) * [-1, 1]
 
     @property
     def _evaluations(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -290,17 +295,16 @@ class Ledger(Shown):
     @property
     def degrees_of_freedom(self) -> Float[np.ndarray, "10"]:
         """Effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
-        known = self.of("measured", "declared", "contradicted")
-        inverse = sum((scale**4 / freedom for scale, freedom in known._evaluations), np.zeros(10))
+        inverse = sum((scale**4 / freedom for scale, freedom in self.in_intervals._evaluations), np.zeros(10))
         with np.errstate(divide="ignore", invalid="ignore"):
-            effective = known.standard_uncertainty**4 / inverse
+            effective = self.in_intervals.standard_uncertainty**4 / inverse
         return np.where(inverse > 0, np.minimum(effective, 1e9), np.inf)
 
     @property
     def types(self) -> Mapping[str, str]:
         """Type of evaluation of each error of :attr:`budget`: A, B, or both."""
         types: dict[str, set[str]] = {}
-        for row in self.of("measured", "declared", "contradicted").rows:
+        for row in self.in_intervals.rows:
             types.setdefault(row.error, set()).update(row.evaluation.split(", "))
         return {error: ", ".join(sorted(letters)) for error, letters in types.items()}
 

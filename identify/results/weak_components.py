@@ -62,11 +62,11 @@ def within_bodies(result: Identification, runs: Run | Sequence[Run]) -> Identifi
         return replace(result, warnings=(*result.warnings, *_impossible(result), *_wide_intervals(result)))
     # what is not determined has no covariance with anything, nor lasting errors
     determined = np.concatenate([np.ones(4), bounded.determined])
-    kept = result.ledger.changed(determined[:, None])
+    ledger = result.ledger.changed(determined[:, None])
     weak = replace(
         result,
         value=np.concatenate([result.value[:4], bounded.inertia]),
-        ledger=Ledger((*kept.rows, *_rectangles(bounded)), np.where(determined > 0, kept.expected, np.nan)),
+        ledger=Ledger((*ledger.rows, *_rectangles(bounded)), np.where(determined > 0, ledger.expected, np.nan)),
         admissible=bounded,
     )
     weakness = [] if bounded.determined.all() else [_undetermined(bounded, result.covariance, runs)]

@@ -47,13 +47,13 @@ def changed(result: Identification, **figures: Any) -> Identification:
     assert not figures
     if value_alone:
         return replace(result, value=value)
-    typical = result.ledger.of("typical").rows
+    typical = result.ledger.of_tiers("typical").rows
     return replace(result, value=value, ledger=ledger_of(value, covariance, intervals).joined(typical))
 
 
 def with_typical(result: Identification, rows: Sequence[Row] | None) -> Identification:
     """Return a result with these undeclared errors instead of its own; None: they were not looked at."""
-    known = result.ledger.of("measured", "declared", "contradicted")
+    known = result.ledger.in_intervals
     return replace(result, ledger=known.joined(rows or ()), looked_at_undeclared=rows is not None)
 
 

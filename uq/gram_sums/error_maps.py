@@ -54,7 +54,7 @@ class WrenchBasis(Pytree):
     motion: bool = static_field()
 
     @classmethod
-    def of(cls, sources: Sequence[Source]) -> "WrenchBasis":
+    def for_sources(cls, sources: Sequence[Source]) -> "WrenchBasis":
         """Return the functions that these sources need."""
         names = perturbed(sources)
         return cls("cell_drift" in names, bool(names & OF_THE_RIG))

@@ -205,13 +205,12 @@ def _knowing_predicted_scatter(warnings: tuple[str, ...], pooling: Pooling, toge
 
 def _diagnostics(ledger: Ledger, pooling: Pooling, trials: int) -> dict[str, Any]:
     """Standard uncertainties of type A and B, degrees of freedom and coverage factor of the tensor."""
-    known = ledger.of("measured", "declared", "contradicted")
-    u = known.standard_uncertainty
+    rows, u = ledger.in_intervals, ledger.in_intervals.standard_uncertainty
     return {
-        "standard_uncertainty_type_a": known.of("measured").standard_uncertainty[4:].tolist(),
-        "standard_uncertainty_type_b": known.of("declared").standard_uncertainty[4:].tolist(),
-        "effective_degrees_of_freedom": known.degrees_of_freedom[4:].tolist(),
-        "coverage_factor": (known.arms().mean(axis=1) / np.maximum(u, 1e-300))[4:].tolist(),
+        "standard_uncertainty_type_a": rows.of_tiers("measured").standard_uncertainty[4:].tolist(),
+        "standard_uncertainty_type_b": rows.of_tiers("declared").standard_uncertainty[4:].tolist(),
+        "effective_degrees_of_freedom": rows.degrees_of_freedom[4:].tolist(),
+        "coverage_factor": (rows.arms().mean(axis=1) / np.maximum(u, 1e-300))[4:].tolist(),
         "scatter_between_runs": pooling.excess.tolist(),
         "declared_sources": {"trials": trials, "seed": SEED},
     }
@@ -249,7 +248,7 @@ def problem_of(
     mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
     nodes = nodes_of(acting, slopes=slopes)
-    basis = WrenchBasis.of(acting)
+    basis = WrenchBasis.for_sources(acting)
     fit = result.estimator, result.r_cg, result.inertia, basis
     sums = [
         run_sums(run, *fit, offsets=result.offsets, weight=fitted.weight, delays=nodes, weighed=fitted.weighed)

@@ -103,10 +103,10 @@ def with_undeclared(
     # what a named cause does to the tensor is a row already; not what it does to mass and centre of gravity
     beside_causes = [row.changed(OF_MASS_AND_CENTRE) if row.error in named else row for row in typical.rows]
     notes = {cause.text for cause in causes if cause.note}
-    known = result.ledger.of("measured", "declared", "contradicted")
+    added = [row for row in beside_causes if row.changes.any()]
     return replace(
-        result, ledger=known.joined(row for row in beside_causes if row.changes.any()), looked_at_undeclared=True,
-        consistency=causes, warnings=tuple(text for text in result.warnings if text not in notes),
+        result, ledger=result.ledger.in_intervals.joined(added), looked_at_undeclared=True, consistency=causes,
+        warnings=tuple(text for text in result.warnings if text not in notes),
     )  # fmt: skip
 
 

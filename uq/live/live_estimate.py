@@ -216,7 +216,7 @@ def _problem(
 ) -> SystematicProblem:
     """Return the problem of the sources' draws, from the sums."""
     names = {source.name for source in sources}
-    basis, r_cg = WrenchBasis.of(sources), experiment.stated_r_cg
+    basis, r_cg = WrenchBasis.for_sources(sources), experiment.stated_r_cg
     of_run = sums_of_signals(
         sums.delayed, sums.delayed[:, 0], delays=sums.delays, r_cg=r_cg, inertia=inertia, basis=basis, centred=True
     )

@@ -74,7 +74,7 @@ class Prediction(Pytree):
             expected=jnp.asarray(constants.errors @ constants.mean),
             directions=jnp.asarray((constants.errors * constants.sigma) @ root_of(constants.correlation)),
             wrench=jnp.asarray(inputs.wrench[0]), gyro=jnp.asarray(inputs.gyro[0]), rate=spec.rate,
-            basis=WrenchBasis.of(experiment.sources),
+            basis=WrenchBasis.for_sources(experiment.sources),
         )  # fmt: skip
 
     @jax.jit

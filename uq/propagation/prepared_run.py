@@ -150,7 +150,7 @@ def prepared_run(experiment: Experiment, spec: TrajectorySpec, chosen: Sequence[
     """
     count, platform = len(samples(spec)), platform_of(experiment, spec)
     estimators = fitted_estimators(chosen, spec, count)
-    basis, delayed = WrenchBasis.of(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
+    basis, delayed = WrenchBasis.for_sources(experiment.sources), "gyro_delay" in perturbed(experiment.sources)
     parts = (
         experiment.body, platform, (spec.trajectory, spec.duration, spec.rate), estimators, basis, delayed,
         jax.config.read("jax_enable_x64"),

@@ -80,7 +80,7 @@ def prepare_samples(
     setting: TrialSetting, cases: Sequence[Case] | None = None, dtype: str = "float64"
 ) -> SamplesEngine:
     """Keep every sample of a noise-free motion and its wrench; ``cases``: None for all of the breakdown."""
-    motion, sources, basis = setting.motion, setting.sources, WrenchBasis.of(setting.sources)
+    motion, sources, basis = setting.motion, setting.sources, WrenchBasis.for_sources(setting.sources)
     wrench = basis.sampled(*jax.tree.map(np.asarray, (setting.body, motion)))
     return SamplesEngine(
         cases=tuple(cases or cases_of(sources)), body=setting.body, platform=setting.platform,

@@ -66,7 +66,7 @@ def true_run(setting: TrialSetting) -> TrueRun:
     on_host = jax.tree.map(np.asarray, motion)
     t, rate = on_host.t - on_host.t[0], (len(on_host.t) - 1) / (on_host.t[-1] - on_host.t[0])
     valid, taps = valid_samples(len(t), estimators), [np.asarray(e.taps) for e in estimators]
-    wrench = WrenchBasis.of(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
+    wrench = WrenchBasis.for_sources(sources).sampled(jax.tree.map(np.asarray, setting.body), on_host)
     drifts = "gyro_drift" in perturbed(sources)
     low, high = delay_range(sources)
     middle = (low + high) / 2
@@ -119,8 +119,8 @@ def prepare_sums(run: TrueRun, setting: TrialSetting, cases: Sequence[Case], mom
     cell = _cell_streams(sources, mixing, cases, run)
     return SumsEngine(
         cases=cases, body=body, platform=setting.platform, sources=tuple(sources), mixing=tuple(mixing),
-        basis=WrenchBasis.of(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro, cell=cell,
-        crossed=_crossed_noise(noises, cell, run, body, cases, moments),
+        basis=WrenchBasis.for_sources(sources), sums=jax.device_put(run.sums), expectation=expectation, gyro=gyro,
+        cell=cell, crossed=_crossed_noise(noises, cell, run, body, cases, moments),
     )  # fmt: skip
 
 

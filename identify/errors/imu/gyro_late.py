@@ -16,11 +16,11 @@ from identify.errors.written_sizes import every
 
 def act(state: RigState, seconds: Numbers) -> RigState:
     """Return the state of a gyro whose axes come so late, one time each."""
-    late = {name: getattr(state, name).copy() for name in ("gyro", "gyro_slope")}
-    for name, signal in late.items():
+    signals = {name: getattr(state, name).copy() for name in ("gyro", "gyro_slope")}
+    for name, signal in signals.items():
         for axis in np.flatnonzero(seconds):
             signal[:, axis] = state.delayed(name, seconds[axis])[:, axis]
-    return replace(state, **late)
+    return replace(state, **signals)
 
 
 GYRO_LATE = ErrorModel(

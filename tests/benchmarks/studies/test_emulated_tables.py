@@ -56,7 +56,7 @@ def centre_of(experiment):
 def test_the_error_of_a_repeat_is_that_of_its_centre(short, only_cg):
     """On T2 by hand: y - r̂ × F instead of y - r × F adds -δ × F, fitted to Ω (a smoother's gain is off by 1e-4)."""
     motion = true_motion(short, short.trajectories["T2"])
-    wrench = np.asarray(WrenchBasis.of(()).sampled(short.body, motion))
+    wrench = np.asarray(WrenchBasis.for_sources(()).sampled(short.body, motion))
     rows = np.asarray(jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega, motion.alpha))
     drawn = jax.jit(lambda repeat: shared_error(centre_of(short), jax.random.key(0), repeat))
     for repeat in range(3):

@@ -59,7 +59,7 @@ def test_what_runs_contradict_counts_with_k_2_and_typical_errors_only_in_the_bou
     bounds = ledger.bounds(np.ones(10), 1 + arms * [-1, 1])
     np.testing.assert_allclose(bounds[4:, 1] - 1, np.sqrt(1.959964**2 + 36 + 100), rtol=1e-6)
     assert set(ledger.budget) == {"a", "b"}
-    np.testing.assert_allclose(ledger.of("measured", "declared").standard_uncertainty[4:], 1.0)
+    np.testing.assert_allclose(ledger.of_tiers("measured", "declared").standard_uncertainty[4:], 1.0)
 
 
 def test_an_expected_error_reaches_out_on_its_side_and_a_mean_shifts_both_ends():

@@ -142,7 +142,7 @@ def test_columns_are_what_the_error_does(error, way):
     run, expected = by_act(way, {}, error, SMALL.get(error.name, 1e-4))
     columns = ErrorColumns(run)
     by_hand = error.by_hand or error.unknowns == CELL_MATRIX
-    assert_close(run, columns.of(error) if by_hand else columns.by_act(error), expected, 2e-4)
+    assert_close(run, columns.columns(error) if by_hand else columns.by_act(error), expected, 2e-4)
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -295,7 +295,7 @@ def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):
     unknown = by_source.parameters.covariance.copy()
     unknown[0, 0] = np.nan
     for result in (by_source, changed(by_source, mass=np.nan, covariance_of_ten=unknown)):
-        (noted_cause,) = noted(replace(result, consistency=(cause,)), result.ledger.of("typical"))
+        (noted_cause,) = noted(replace(result, consistency=(cause,)), result.ledger.of_tiers("typical"))
         assert noted_cause.note
 
 

@@ -25,7 +25,7 @@ def many():
 def summed(experiment, spec):
     count = round(spec.duration * spec.rate)
     taps = [e.taps for e in fitted_estimators(experiment.estimators, spec, count)]
-    columns = WrenchBasis.of(experiment.sources)
+    columns = WrenchBasis.for_sources(experiment.sources)
     given = experiment.body, platform_of(experiment, spec), taps, columns, True
     return pieces.run_sums(spec.trajectory, count, spec.rate, *given)
 
@@ -33,7 +33,7 @@ def summed(experiment, spec):
 def noise_free(experiment, spec):
     """Motion, wrench and other columns, estimators' taps, and 1 for samples where all of these have a derivative."""
     motion = jax.tree.map(np.asarray, true_motion(experiment, spec))
-    wrench = np.asarray(WrenchBasis.of(experiment.sources).sampled(experiment.body, motion))
+    wrench = np.asarray(WrenchBasis.for_sources(experiment.sources).sampled(experiment.body, motion))
     taps = [np.asarray(e.taps) for e in fitted_estimators(experiment.estimators, spec, len(motion.t))]
     reach, number = max(map(len, taps)), np.arange(len(motion.t))
     return motion, wrench, taps, ((number >= reach) & (number < len(number) - reach)).astype(float)

@@ -52,7 +52,7 @@ def origins(result: Identification) -> list[Table]:
     if result.undeclared is None:
         return []
     ledger = result.ledger
-    origin = {tier: ledger.of(tier).standard_uncertainty[4:] for tier in ("measured", "declared", "contradicted")}
+    origin = {tier: ledger.of_tiers(tier).standard_uncertainty[4:] for tier in ("measured", "declared", "contradicted")}
     misfit = origin["contradicted"]
     columns = {"measured": origin["measured"], "declared": origin["declared"]}
     columns |= {MISFIT: misfit} if misfit.any() else {}

@@ -151,18 +151,18 @@ def _readings(fit: Hypothesis, declared: DeclaredRig, upside_down: SignReading |
 
 def _decided(run: ExaminedRun, readings: list[SignReading]) -> tuple[list[SignReading], str]:
     """The readings that attitude and declared centre of gravity leave, and what refuted the others."""
-    kept, why = readings, []
+    possible, why = readings, []
     if not run.declared.measured:
-        kept = [reading for reading in kept if not reading.downwards] or kept
+        possible = [reading for reading in possible if not reading.downwards] or possible
     elif run.upward:
-        kept = [reading for reading in kept if reading.downwards == (run.upward < 0)] or kept
+        possible = [reading for reading in possible if reading.downwards == (run.upward < 0)] or possible
         why += ["the attitude"]
     mirrored, certain = _mirrored_as_declared(run)
-    if certain and any(reading.mirrored == mirrored for reading in kept):
-        kept = [reading for reading in kept if reading.mirrored == mirrored]
+    if certain and any(reading.mirrored == mirrored for reading in possible):
+        possible = [reading for reading in possible if reading.mirrored == mirrored]
         why += ["the declared centre of gravity"]
-    kept.sort(key=lambda reading: mirrored is not None and reading.mirrored != mirrored)  # the likelier ones first
-    return kept, f", by {' and '.join(why)}" * (len(kept) < len(readings) and bool(why))
+    possible.sort(key=lambda reading: mirrored is not None and reading.mirrored != mirrored)  # the likelier ones first
+    return possible, f", by {' and '.join(why)}" * (len(possible) < len(readings) and bool(why))
 
 
 def _mirrored_as_declared(run: ExaminedRun) -> tuple[bool | None, bool]:
