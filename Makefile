@@ -9,11 +9,13 @@ OUT ?= out/paper
 MINUTES ?= 60
 TESTS ?= not study and not slow
 WHERE ?= notebooks tests
+AXE_VERSION := 4.14.1
+AXE_SHA256 := 29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c
 # Functions of arrays or bytes alone, and every command once.
 QUICK := $(addprefix tests/,identify/motion identify/rigid_body identify/serial_arm identify/signals rig/devices rig/mcap \
     uq/coverage uq/cli/test_every_command.py)
 
-.PHONY: env paper quick test test-all check unit axe bench study docs fuzz lock dist clean
+.PHONY: env paper quick test test-all check unit axe-core axe bench study docs fuzz lock dist clean
 
 # Bytecode is made here: where Python may not write it later, every start would compile what it imports, which takes
 # longer than to run it. Ours each time, since `.ready` does not know of a module that was edited; what is edited
@@ -65,10 +67,14 @@ unit: export PYTHONDONTWRITEBYTECODE =
 unit: env
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "$(TESTS)" $(WHERE)
 
-# The pages judged by axe-core, which is fetched by npm for this alone; needs Chromium (Debian: apt-get install chromium).
-axe: export AXE_CORE = $(CURDIR)/out/axe/node_modules/axe-core/axe.min.js
-axe: env
-	test -f $(AXE_CORE) || npm install --silent --no-save --prefix out/axe axe-core
+# axe-core, which judges pages in a browser: fetched by npm, its file held to the hash of this version.
+axe-core: PINNED = echo "$(AXE_SHA256)  out/axe/node_modules/axe-core/axe.min.js" | sha256sum --check --quiet
+axe-core:
+	$(PINNED) >/dev/null 2>&1 || npm install --silent --no-save --prefix out/axe axe-core@$(AXE_VERSION)
+	$(PINNED)
+
+# The pages judged by it; needs Chromium (Debian: apt-get install chromium).
+axe: env axe-core
 	$(BIN)/python -m pytest -k axe tests/uq/report/test_accessibility.py tests/uq/cli/test_design.py tests/test_site.py
 
 # The paper's campaign against its references, then what whole commands take.

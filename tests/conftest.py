@@ -1,6 +1,8 @@
 """Settings of the tests: float64 on, two devices, nothing promoted in silence; a short experiment."""
 
+import ctypes
 import dataclasses
+import gc
 import os
 import shutil
 import tempfile
@@ -11,7 +13,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests.helpers.changed_result import not_judged
+from tests.helpers import checked_calls  # noqa: F401  before what it checks is imported
+from tests.helpers.driven_browser import NO_AXE, NO_CHROMIUM
 from uq.files.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
@@ -63,15 +66,59 @@ def pytest_runtest_protocol(item):
     return result
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session):
+    """The last line of a run counts what it skipped for want of a browser, and says how to get it."""
+    result = yield
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    skipped = [
+        report.longrepr[2].removeprefix("Skipped: ")
+        for report in (reporter.stats if reporter else {}).get("skipped", ())
+    ]
+    wanting = [reason for reason in skipped if reason in (NO_CHROMIUM, NO_AXE)]
+    if wanting:
+        cures = "; ".join(sorted(set(wanting)))
+        reporter.write_line(f"{len(wanting)} tests of pages were skipped for want of a browser ({cures})", yellow=True)
+    return result
+
+
 settings.register_profile("same", derandomize=True)  # the same examples in every run
 settings.load_profile("same")
 
 
+LARGEST = 1200
+"""MB of memory from which a worker forgets what it has compiled; before, the next file may use it again."""
+
+
+def resident():
+    """Memory [MB] that this process has now; where no system says it, more than it may have."""
+    try:
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    except OSError:
+        return np.inf
+
+
+def return_freed():
+    """Return to the system what is free: glibc keeps what a compilation took, which adds up to gigabytes."""
+    if hasattr(library := ctypes.CDLL(None), "malloc_trim"):
+        library.malloc_trim(0)
+
+
+def pytest_collection_finish():
+    """What is imported stays: whoever looks for garbage need not look at it."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="module", autouse=True)
-def compiled_is_dropped():
-    """A worker keeps what a file's tests have compiled no longer than these: all files together fill its memory."""
+def memory_is_returned():
+    """After each file of tests: all files together would fill a worker's memory."""
     yield
-    jax.clear_caches()
+    return_freed()
+    if resident() > LARGEST:
+        jax.clear_caches()
+        gc.collect()
+        return_freed()
 
 
 @pytest.fixture(scope="module")
@@ -160,4 +207,6 @@ def undrawn():
 @pytest.fixture
 def unjudged(monkeypatch):
     """Estimates without the check of the model, most of their time: for repeats of clean runs, where intervals are tested."""
+    from tests.helpers.changed_result import not_judged
+
     monkeypatch.setattr("identify.identification.judged", not_judged)

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+NO_CHROMIUM, NO_AXE = "no chromium: apt-get install chromium", "no axe-core: make axe-core"
+needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason=NO_CHROMIUM)
 PHONE, DESK = 390, 1400  # widths in pixels
-AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
-needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="no axe-core: make axe")
+AXE = Path(__file__).parents[2] / "out" / "axe" / "node_modules" / "axe-core" / "axe.min.js"
+needs_axe = pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
 VIOLATIONS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
   ({id, nodes}) => nodes.map(({target, failureSummary}) => `${id}: ${target} ${failureSummary}`)))"""
 KEYS = {

@@ -171,9 +171,11 @@ def plain(found):
     return found.inertia if found.admissible is None else found.admissible.plain
 
 
-@pytest.mark.parametrize("estimator", ["central", pytest.param("smoothed", marks=pytest.mark.study)])
+@pytest.mark.parametrize(
+    "estimator", [pytest.param("central", marks=pytest.mark.slow), pytest.param("smoothed", marks=pytest.mark.study)]
+)
 def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
-    """A recorded run and a trial of the Monte Carlo pass through the same mathematics."""
+    """A recorded run and a trial of the Monte Carlo pass through the same mathematics. With fewer sources below."""
     one = dataclasses.replace(brief, estimators=(brief.estimator(estimator),))
     _, result = estimates(one, 4, estimators=(estimator,), engine="samples")
     found = identify(
@@ -238,7 +240,7 @@ def test_no_two_draws_are_alike(brief):
     np.testing.assert_allclose(np.std(draws), 1, atol=5 / np.sqrt(2 * 60_000))
 
 
-@pytest.mark.parametrize("engine", ["sums", "samples"])
+@pytest.mark.parametrize("engine", [pytest.param("sums", marks=pytest.mark.slow), "samples"])
 def test_an_added_source_changes_no_draw(brief, engine):
     many, both = estimates(brief, 3, engine=engine)
     few, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3, engine=engine)
@@ -295,7 +297,8 @@ def test_without_float64_it_warns_and_still_answers(brief):
 
 @pytest.mark.parametrize("seconds", [*(pytest.param(s, marks=pytest.mark.study) for s in (2.5, 3.0)), 3.0025])
 def test_any_number_of_samples(brief, seconds):
-    """Fewer than a block, one block, one sample more; on two devices, an odd number of trials."""
+    """Fewer than a block, one block, one sample more; on two devices, an odd number of trials. A run is identified as its
+    trial was."""
     spec = brief.trajectories["T1"]
     old = spec.trajectory
     fewer = dataclasses.replace(old, duration=np.array(seconds), ramp=np.array(0.15 * seconds))

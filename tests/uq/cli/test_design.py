@@ -5,7 +5,6 @@ import dataclasses
 import io
 import json
 import re
-import shutil
 import tomllib
 from xml.etree import ElementTree
 
@@ -276,7 +275,7 @@ def test_the_drawn_cuboid_has_the_bodys_tensor():
     np.testing.assert_allclose(np.sort(moments), np.sort(principal(body.inertia)[0]), rtol=1e-6)
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium")
+@needs_chromium
 def test_a_browser_draws_and_prints_it(content, tmp_path):
     picture, printed, complaints = drawn(content["report.html"].decode(), tmp_path)
     assert complaints == []

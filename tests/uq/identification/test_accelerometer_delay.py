@@ -48,14 +48,21 @@ def test_the_accelerometers_delay_is_named_and_its_key_leads_to_the_truth(tmp_pa
     assert (np.abs(cured.inertia - measured.truth) < np.ptp(cured.interval95, axis=1)).all()
 
 
-@pytest.mark.parametrize("method", ["source", "gls"])
+@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow)])
 def test_least_squares_need_no_accelerometer_and_blame_no_gyro(tmp_path, method):
     late = source("late", "omega", "delay", 3e-4) | {"mean": f"{float(GYRO)!r} s"}
     result = identified_files(measure(3, **FILTERS), tmp_path, method, [late])
     assert result.consistency == ()
 
 
-@pytest.mark.parametrize("filters", [FILTERS, {"accelerometer_filter": 4.5e-3}, {"accelerometer_filter": 0.0225}])
+@pytest.mark.parametrize(
+    "filters",
+    [
+        FILTERS,
+        pytest.param({"accelerometer_filter": 4.5e-3}, marks=pytest.mark.slow),
+        pytest.param({"accelerometer_filter": 0.0225}, marks=pytest.mark.slow),
+    ],
+)
 def test_inspection_names_the_accelerometers_delay_in_place_of_a_weight(tmp_path, filters):
     measured = measure(3, **filters)
     (finding,) = judged(measured, tmp_path)
@@ -67,7 +74,7 @@ def test_inspection_names_the_accelerometers_delay_in_place_of_a_weight(tmp_path
     assert topic_finding(lags, imported=True) == finding  # a map has no such key
 
 
-@pytest.mark.parametrize("delay", [-0.02, 0.02, 0.04])
+@pytest.mark.parametrize("delay", [-0.02, *(pytest.param(delay, marks=pytest.mark.slow) for delay in (0.02, 0.04))])
 def test_a_delay_of_the_whole_imu_is_none_of_the_accelerometer(tmp_path, delay):
     assert judged(measure(3, imu_delay=delay, seconds=20.0), tmp_path) == []
 

@@ -22,6 +22,7 @@ from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rounding import concise
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.changed_result import changed, typical, with_typical
+from tests.helpers.driven_browser import needs_chromium
 from tests.helpers.report_tables import FULL, T1
 from uq.campaign.simulation import simulate
 from uq.coverage.expanded_uncertainty import of_tensor
@@ -393,7 +394,7 @@ def test_hostile_particulars_are_text(plain):
     assert HOSTILE in page.text
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+@needs_chromium
 def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
     html = report(full)
     _, printed, complaints = drawn(html, tmp_path)
@@ -420,7 +421,7 @@ def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
 
 
 @pytest.mark.study
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+@needs_chromium
 def test_the_browser_would_complain_of_a_request(plain, tmp_path):
     """The oracle of the test above."""
     html = report(plain).replace("</body>", '<img alt="" src="http://127.0.0.1:9/x.png"></body>')

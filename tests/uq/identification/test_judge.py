@@ -45,7 +45,7 @@ def test_a_declared_error_is_no_news(tmp_path, few_draws):
     ("error", "target", "kind", "size"),
     [
         ({"imu_delay": 3e-3}, "omega", "delay", 2e-3),
-        ({"imu_turn": (0, 0, 13.5e-3)}, "omega", "misalignment", [4e-3] * 3),
+        pytest.param({"imu_turn": (0, 0, 13.5e-3)}, "omega", "misalignment", [4e-3] * 3, marks=pytest.mark.slow),
         ({"gyro_turn": (4e-3, -8e-3, 6e-3)}, "omega", "misalignment", [6e-3] * 3),
     ],
 )
@@ -83,7 +83,10 @@ def test_two_shapes_of_one_cause_are_no_rivals():
     assert "the load cell's zeros drifted as it warmed up (drift); let it warm up" in text
 
 
-@pytest.mark.parametrize(("time", "size"), [(40.0, 3.0), (180.0, 3.0), (6.0, 12.0)])
+@pytest.mark.parametrize(
+    ("time", "size"),
+    [(180.0, 3.0), pytest.param(40.0, 3.0, marks=pytest.mark.slow), pytest.param(6.0, 12.0, marks=pytest.mark.slow)],
+)
 def test_a_zero_that_warms_up_is_a_drift_whose_cures_lead_to_the_truth(tmp_path, few_draws, time, size):
     direction = size * np.array([0.6, 0.5, 0.6, 0.018, 0.015, 0.018])
     measured = measure(1, warming=tuple(direction), warming_time=time)

@@ -62,7 +62,7 @@ def covers(result, truth):
     return ((truth > low - (high - low) / 2) & (truth < high + (high - low) / 2)).all()
 
 
-@pytest.mark.parametrize("method", ["source", "joint"])
+@pytest.mark.parametrize("method", ["source", pytest.param("joint", marks=pytest.mark.slow)])
 def test_gravity_of_another_place_is_a_rival_of_the_mass(tmp_path, method):
     measured = measure(3, still=True, **SHORT)
     elsewhere, _ = identified(measured, tmp_path, method, platform={"gravity": "9.78 m/s^2"})
@@ -101,7 +101,7 @@ def test_an_accelerometer_tells_a_lift_from_a_wrong_mass(tmp_path):
         assert covers(result, measured.truth)
 
 
-@pytest.mark.parametrize("still", [True, False])
+@pytest.mark.parametrize("still", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_forgotten_adapter_is_a_rival_of_the_mass(tmp_path, still):
     at = np.array([0.0, 0.0, 0.01])
     measured = with_adapter(measure(3, still=still, **SHORT), 0.4, at)
@@ -138,7 +138,7 @@ def test_a_gain_that_force_and_moment_share_is_a_rival_of_the_mass(tmp_path):
     assert covers(calibrated, measured.truth)
 
 
-@pytest.mark.parametrize("method", ["source", "gls"])
+@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow)])
 def test_a_rotated_load_cell_is_a_rival_of_the_imu(tmp_path, method):
     measured = measure(3, still=True, cell_turn=(0.0, 0.0, np.radians(1.0)), **SHORT)
     result, _ = identified(measured, tmp_path, method)

@@ -134,7 +134,9 @@ def test_mountings_whose_centres_differ_are_no_error_of_the_rig(tmp_path, few_dr
     assert named_truly(runs, tmp_path, "source", list("ABC")).consistency == ()
 
 
-@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow), "joint"])
+@pytest.mark.parametrize(
+    "method", ["source", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gls", "joint"))]
+)
 def test_names_of_mountings_are_silent_if_true_and_left_out_if_wrong(tmp_path, few_draws, unjudged, remounted, method):
     def named(names):
         return named_truly(remounted, tmp_path, method, names)

@@ -29,6 +29,10 @@ def turns():
         yield number, ("imu", "wrench")[number % 2], vector, -1 if number % 5 == 4 else 1
 
 
+MARKS = [[], [], *([pytest.mark.slow] * 3), *([pytest.mark.study] * 5)]
+"""An IMU turned about an axis and a load cell about any direction show it; the others are more of the same."""
+
+
 @cache
 def run(seed):
     return sensors(T1, seed=seed, noise=0.02)
@@ -47,7 +51,7 @@ def told(text, key):
 
 @pytest.mark.parametrize(
     ("number", "sensor", "vector", "sign"),
-    [pytest.param(*turn, marks=[pytest.mark.study] * (turn[0] > 4)) for turn in turns()],
+    [pytest.param(*turn, marks=MARKS[turn[0]]) for turn in turns()],
 )
 def test_any_rotation_is_named_measured_and_cured(tmp_path, number, sensor, vector, sign):
     """Angle within 3 u, and the rotation's own error within 4 u, for all: by chance fewer than one in twenty tests."""
@@ -92,7 +96,11 @@ def test_the_cure_heals_the_tensor(tmp_path, angle):
 
 
 @pytest.mark.parametrize(
-    ("turned", "key"), [("cell_turn", "wrench_rotation_to_body"), ("imu_turn", "imu_rotation_to_body")]
+    ("turned", "key"),
+    [
+        ("cell_turn", "wrench_rotation_to_body"),
+        pytest.param("imu_turn", "imu_rotation_to_body", marks=pytest.mark.slow),
+    ],
 )
 def test_of_two_lines_that_fit_equally_each_says_what_it_does_to_the_tensor(tmp_path, turned, key):
     """One degree about z: the data fit either sensor. The true one leads to the truth, each to the I12 that it tells."""

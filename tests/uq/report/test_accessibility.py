@@ -1,7 +1,6 @@
 """Pages in a browser: judged by axe-core, and read at a phone's width.
 
-axe-core is no dependency. ``npm install --prefix DIR axe-core`` brings it, ``AXE_CORE=DIR/node_modules/axe-core/axe.min.js``
-names it; ``make axe`` does both.
+axe-core is no dependency; ``make axe-core`` fetches it.
 """
 
 import tomllib

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from importlib import resources
 from xml.etree import ElementTree
 
@@ -15,6 +14,7 @@ from identify.reporting import Drawing, Section
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import finest, with_uncertainty
 from tests.helpers.browser import Reader, drawn
+from tests.helpers.driven_browser import needs_chromium
 from tests.helpers.small_campaign import TRIALS, campaign, document, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
@@ -197,7 +197,7 @@ def test_no_report_for_other_things():
         report({})
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+@needs_chromium
 def test_a_browser_draws_and_prints_the_page(tmp_path):
     picture, printed, complaints = drawn(report(paper_result()), tmp_path)
     assert complaints == []
