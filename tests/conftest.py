@@ -106,8 +106,9 @@ def return_freed():
 
 
 def pytest_collection_finish():
-    """What is imported stays: whoever looks for garbage need not look at it."""
+    """What is imported stays: whoever looks for garbage need not look at it, and, with traces of millions of objects, seldom."""
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 @pytest.fixture(scope="module", autouse=True)

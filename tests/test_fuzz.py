@@ -16,9 +16,10 @@ def kinds(tmp_path_factory):
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("count", [3, pytest.param(12, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", KINDS)
-def test_a_mutated_file_gives_a_result_or_one_line(name, kinds, tmp_path_factory, monkeypatch):
+def test_a_mutated_file_gives_a_result_or_one_line(name, count, kinds, tmp_path_factory, monkeypatch):
     monkeypatch.chdir(next(path for path in tmp_path_factory.getbasetemp().glob("fuzz*")))
     assert set(kinds) == set(KINDS)
     assert not fuzz.refused_originals(kinds[name])
-    assert not fuzz.fuzz(kinds[name], 6)[1]
+    assert not fuzz.fuzz(kinds[name], count)[1]

@@ -6,7 +6,9 @@ prints; ``toml`` is read. The line ``<!-- study -->`` above a block keeps it and
 ``<!-- not run -->`` leaves one out.
 """
 
+import ast
 import contextlib
+import importlib
 import io
 import re
 import shlex
@@ -108,10 +110,36 @@ def run(page, *, study):
                 assert_printed(expected, printed, where)
 
 
+DEAR = {"how-to/budget.md", "how-to/identify.md", "explanation/law.md"}
+"""Pages whose blocks take over five seconds; that they call what exists is seen below."""
+
+
 @pytest.mark.parametrize("study", [False, pytest.param(True, marks=pytest.mark.study)], ids=["quick", "all"])
-@pytest.mark.parametrize("page", [page for page in PAGES if page not in {*WAITING, *ELSEWHERE}])
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.slow) if page in DEAR else page
+        for page in PAGES
+        if page not in {*WAITING, *ELSEWHERE}
+    ],
+)
 def test_the_blocks_of_a_page_run(page, study, folder):
     run(page, study=study)
+
+
+@pytest.mark.parametrize("page", sorted(DEAR))
+def test_what_a_page_calls_exists(page, monkeypatch):
+    """Commands and their options, and what is imported."""
+    for kind, line, code in blocks(page, study=True):
+        if kind == "console":
+            for words, _ in session(code):
+                monkeypatch.setattr(f"uq.cli.{shlex.split(words)[1]}.run", lambda options: 0)
+                assert command(words) == (0, ""), f"{page}:{line}"
+        elif kind == "python":
+            for node in ast.walk(ast.parse(code)):
+                if isinstance(node, ast.ImportFrom):
+                    module = importlib.import_module(node.module)
+                    assert all(hasattr(module, alias.name) for alias in node.names), f"{page}:{line}"
 
 
 def test_a_block_that_is_wrong_is_noticed(folder, tmp_path, monkeypatch):

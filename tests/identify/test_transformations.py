@@ -121,7 +121,13 @@ def as_number(kernel, seed=0):
     return total
 
 
-@pytest.mark.parametrize("name", KERNELS)
+DEAR = {"leg forces", "sphere trajectory", "multisine"}
+"""They compile for seconds. Derivatives of the forces: ``motion/test_stewart_platform.py``; another trajectory is here."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in KERNELS]
+)
 def test_a_kernel_is_jitted_batched_and_differentiated(name, generator):
     kernel, *arrays = KERNELS[name]
     arrays = [np.asarray(array, float) for array in arrays]

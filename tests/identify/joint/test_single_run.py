@@ -6,7 +6,11 @@ from tests.helpers.short_runs import Answers, Case, fitted, laboratory
 
 
 @pytest.mark.parametrize(
-    "case", [Case(1.0, "thrown", "drift", 10.0, "none"), Case(5.0, "swung", "drift", None, "none")]
+    "case",
+    [
+        pytest.param(Case(1.0, "thrown", "drift", 10.0, "none"), marks=pytest.mark.slow),
+        Case(5.0, "swung", "drift", None, "none"),
+    ],
 )
 def test_noise_that_drifts_is_counted_where_the_motion_is(case):
     """20 runs: a ratio of some three independent components has 10 % standard error.

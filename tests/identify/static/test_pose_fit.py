@@ -11,7 +11,7 @@ from identify.static.creep import changes, creeping
 from identify.static.pose_fit import EXACT, PoseSignals, fit
 from tests.helpers.pose_lab import CASES, MASS, R_CG, coverage, directions, series, wrench_of
 
-FAST = {"limited tilt, uneven noise", "alignment, all ways"}
+FAST = {"limited tilt, uneven noise"}
 
 
 @pytest.mark.parametrize("case", [pytest.param(case, marks=() if case in FAST else pytest.mark.slow) for case in CASES])

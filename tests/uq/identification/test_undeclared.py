@@ -182,6 +182,7 @@ def test_the_joint_estimate_is_off_as_the_table_says(still, jointly, refit):
             np.testing.assert_allclose(off[rows], expected[rows], atol=atol)
 
 
+@pytest.mark.slow  # of every error alone: test_error_models.py
 def test_the_joint_estimate_depends_on_the_accelerometers_place_and_on_the_gyros_axes(measured, monkeypatch):
     """A tenth of the typical 2 mm and 5 mrad on each axis, in the laboratory: a tenth of the largest, weights learnt
     anew; 5 % of the tensor's by the place.

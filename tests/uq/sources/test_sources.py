@@ -175,6 +175,7 @@ def test_all_together_in_sums_in_samples_and_in_numpy(every, recorded, of_sums):
         np.testing.assert_allclose(of_sums["total"][k], expected, atol=1e-11)
 
 
+@pytest.mark.slow  # with the other sources: test_campaign.py, by its variance
 def test_r_cg_errs_in_the_estimate_and_in_no_sensor(truth):
     e = experiment(known("r_cg", "bias", THREE["m"], {}))
     wrench, omega = simulated(e)
@@ -183,15 +184,19 @@ def test_r_cg_errs_in_the_estimate_and_in_no_sensor(truth):
     np.testing.assert_allclose(estimates(e)["total"][0], expected, atol=1e-12)
 
 
-def test_closed_forms(of_sums, truth):
-    """A common scale factor scales the tensor; air that moves along adds its own; and gravity, CG height and tilt, which
-    change the force, do nothing to the tensor."""
-    percent = ["1 %"] * 3
-    scaled = experiment(known("F", "scale", percent, {}, name="a"), known("M", "scale", percent, {}, name="b"))
-    np.testing.assert_allclose(estimates(scaled)["total"], 1.01 * truth, atol=1e-13)
+def test_what_changes_the_force_alone_does_nothing_to_the_tensor(of_sums, truth):
+    """Gravity, CG height and tilt."""
     for k, (target, *_) in enumerate(CONSTANTS):
         if target in ("gravity", "r_cg_from_omb", "tilt"):
             np.testing.assert_allclose(of_sums[f"source:s{k}"], truth, atol=1e-12)
+
+
+@pytest.mark.slow  # gains and air among all sources, against plain NumPy: above
+def test_closed_forms(truth):
+    """A common scale factor scales the tensor; air that moves along adds its own."""
+    percent = ["1 %"] * 3
+    scaled = experiment(known("F", "scale", percent, {}, name="a"), known("M", "scale", percent, {}, name="b"))
+    np.testing.assert_allclose(estimates(scaled)["total"], 1.01 * truth, atol=1e-13)
     radii = {"radii_of_gyration": ["0.1 m", "0.2 m", "0.3 m"]}
     air, nothing = (
         estimates(experiment(known("entrained_air", "bias", mass, radii), rate="1000 Hz"))["total"][0]
@@ -217,6 +222,7 @@ DRAWN = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow  # briefly: trials/test_sums_engine.py
 def test_drawn_correlated_noise_has_the_distribution_of_its_samples():
     noise = [
         NOISY[0],
