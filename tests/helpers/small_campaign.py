@@ -29,6 +29,14 @@ def campaign(trajectories=None, *, trials=TRIALS):
     return montecarlo(Experiment.from_dict(document()), trials=trials, trajectories=trajectories)
 
 
+@cache
+def lone_trial():
+    """Return a campaign of one trial, of one source: it has no statistics."""
+    content = document() | {"recording": {}}
+    content["source"] = [source for source in content["source"] if source["name"] == "M_bias"]
+    return montecarlo(Experiment.from_dict(content), trials=1, trajectories="T1", estimators="central")
+
+
 def paper_result():
     """Return the campaign as a reproduction of the paper's experiment."""
     return PaperResult(campaign())

@@ -11,9 +11,8 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
-from tests.helpers.small_campaign import campaign, document
+from tests.helpers.small_campaign import campaign, lone_trial
 from uq.barreto2016 import PRINTED
-from uq.campaign.campaign import montecarlo
 from uq.campaign.campaign_result import MonteCarloResult, average
 from uq.campaign.statistics import Breakdown, Statistics
 from uq.experiment.experiment import Experiment
@@ -211,9 +210,4 @@ def test_one_trial_draws_nothing_but_does_not_fail(tmp_path):
     nothing = Statistics(np.zeros(6), *(np.full(6, np.nan) for _ in range(3)))
     contributions({"total": nothing}).savefig(tmp_path / "figure.png")
     contributions({f"{k}": nothing for k in range(7)}).savefig(tmp_path / "lines.png")
-    few = document()
-    few["source"] = [source for source in few["source"] if source["name"] == "M_bias"]
-    result = montecarlo(
-        Experiment.from_dict(few | {"recording": {}}), trials=1, trajectories="T1", estimators="central"
-    )
-    plots.averages(result, "central").savefig(tmp_path / "average.png")
+    plots.averages(lone_trial(), "central").savefig(tmp_path / "average.png")

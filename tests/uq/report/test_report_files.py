@@ -15,7 +15,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from identify.rounding import finest, with_uncertainty
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.driven_browser import needs_chromium
-from tests.helpers.small_campaign import TRIALS, campaign, document, paper_result
+from tests.helpers.small_campaign import TRIALS, campaign, document, lone_trial, paper_result
 from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.report.figures.style import DARK
@@ -156,7 +156,7 @@ def test_result_json_is_the_result(result, tmp_path):
 
 
 def test_nan_reaches_neither_json_nor_page(tmp_path):
-    write(campaign("T1", trials=1), tmp_path)
+    write(lone_trial(), tmp_path)
     content = json.loads((tmp_path / "result.json").read_text("utf-8"), parse_constant=pytest.fail)
     total = content["trajectories"]["T1"]["central"]["groups"]["total"]
     assert set(total["three_sigma"].values()) == {None}
