@@ -55,3 +55,16 @@ def test_fields_methods_and_traced_arrays_are_checked():
         jax.jit(lambda a: Pair(a).scaled(1.0))(jnp.ones(3))
         with pytest.raises(Exception, match=r"Type-check error"):
             jax.jit(lambda a: Pair(a).scaled(1.0))(jnp.ones(2))
+
+
+def test_a_container_of_ours_is_not_looked_through():
+    class Ours(dict):
+        @beartyped
+        def __iter__(self):
+            return super().__iter__()
+
+        @beartyped
+        def items(self):
+            return [(key, self[key]) for key in self]
+
+    assert Ours(a=1).items() == [("a", 1)]

@@ -7,7 +7,6 @@ of calls thousands of times. What checks a function is made at its first call, s
 import functools
 import inspect
 import threading
-from collections.abc import Mapping
 
 import beartype
 import jax
@@ -16,6 +15,10 @@ import numpy as np
 
 FEW = 16
 """Longer sequences are told apart by their length and first element, mappings by their first item, longer texts not at all."""
+
+
+PLAIN = tuple.__iter__, list.__iter__, dict.__iter__
+"""Containers of our own are looked through by checked functions of theirs."""
 
 
 def _of_array(value):
@@ -39,9 +42,9 @@ def _how(value):
         return _of_array
     if isinstance(value, str):
         return _of_text
-    if isinstance(value, tuple | list):
-        return _of_sequence
-    return _of_mapping if isinstance(value, Mapping) else type
+    if getattr(type(value), "__iter__", None) in PLAIN:
+        return _of_mapping if isinstance(value, dict) else _of_sequence
+    return type
 
 
 _HOW = {}
