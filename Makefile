@@ -75,7 +75,7 @@ axe-core:
 
 # The pages judged by it; needs Chromium (Debian: apt-get install chromium).
 axe: env axe-core
-	$(BIN)/python -m pytest -k axe tests/uq/report/test_accessibility.py tests/uq/cli/test_design.py tests/test_site.py
+	$(BIN)/python -m pytest -m "not study" -k axe tests/uq/report/test_accessibility.py tests/uq/cli/test_design.py tests/test_site.py
 
 # The paper's campaign against its references, then what whole commands take.
 bench: env

@@ -13,6 +13,37 @@ from uq.cli.main import COMMANDS
 DOCS = Path(__file__).parents[1] / "docs"
 
 
+def anchors(page):
+    """The headings of a page as Sphinx names them, and the names that it gives itself."""
+    text = page.read_text("utf-8")
+    headings = re.findall(r"^#+ (.+)$", text, flags=re.M)
+    plain = (re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower() for heading in headings)
+    return {re.sub(r"[^\w -]", "", heading).replace(" ", "-") for heading in plain} | set(
+        re.findall(r'id="([^"]+)"', text)
+    )
+
+
+def test_every_link_to_a_place_on_a_page_leads_there():
+    """In what is written by hand; that pages are there at all: ``test_readme.py``."""
+    for page in DOCS.rglob("*.md"):
+        for target, anchor in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", page.read_text("utf-8")):
+            there = page.parent / target if target else page
+            assert "generated/" in target or there.suffix != ".md" or anchor in anchors(there), (page, target, anchor)
+
+
+def test_every_page_is_listed_and_no_page_fetches():
+    contents = (DOCS / "index.md").read_text("utf-8").splitlines()
+    for page in DOCS.glob("*/*.md"):
+        name = page.relative_to(DOCS).with_suffix("").as_posix()
+        assert name in contents or name.startswith("generated/"), name
+        assert not re.search(
+            r'<(?:script|img|link|iframe|source)\b[^>]*(?:src|href)="(?:https?:)?//', page.read_text("utf-8")
+        ), name
+
+
+# --- as Sphinx makes it ---
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The pages by their names, as Sphinx makes them; a warning is an error. Without listings of the code, a fifth of the time."""
@@ -36,6 +67,7 @@ def site(tmp_path_factory):
     return folder / "html", {page.relative_to(folder / "html").as_posix(): page.read_text("utf-8") for page in pages}
 
 
+@pytest.mark.slow
 def test_every_link_leads_somewhere(site):
     folder, pages = site
     for name, text in pages.items():
@@ -46,18 +78,21 @@ def test_every_link_leads_somewhere(site):
             assert f'id="{anchor}"' in place.read_text("utf-8") or anchor == "", (name, target, anchor)
 
 
+@pytest.mark.slow
 def test_nothing_is_fetched_from_elsewhere(site):
     for name, text in site[1].items():
         tags = re.findall(r"<(?:script|img|link|iframe|source)\b[^>]*>", text)
         assert not [tag for tag in tags if re.search(r'(?:src|href)="(?:https?:)?//', tag)], name
 
 
+@pytest.mark.slow
 def test_every_page_is_in_the_contents(site):
     start = site[1]["index.html"]
     for page in DOCS.glob("*/*.md"):
         assert f'href="{page.relative_to(DOCS).with_suffix(".html").as_posix()}"' in start, page
 
 
+@pytest.mark.slow
 @needs_chromium
 @needs_axe
 def test_axe_core_objects_to_nothing(site, tmp_path):
@@ -70,6 +105,7 @@ def test_axe_core_objects_to_nothing(site, tmp_path):
                     assert browser.violations() == [], (page, width, dark)
 
 
+@pytest.mark.slow
 def test_commands_and_keys_are_those_of_the_code(site):
     commands = site[1]["generated/commands.html"]
     for name in COMMANDS:

@@ -42,7 +42,16 @@ def judged(path, folder, row, **declared):
     return run, [(finding.kind, finding.text) for finding in experiment_findings(run, experiment, undone=True)]
 
 
-@pytest.mark.parametrize("row", EXPECTED["recording"], ids=name_of)
+def by_cost(rows):
+    """Each convention once, and each kind of recording once; further pairs of them are slow."""
+    seen = set()
+    for row in rows:
+        subjects = {row["convention"], (row["source"], row["container"])}
+        yield pytest.param(row, id=name_of(row), marks=[pytest.mark.slow] * (subjects <= seen))
+        seen |= subjects
+
+
+@pytest.mark.parametrize("row", [*by_cost(EXPECTED["recording"])])
 def test_a_recording_in_this_convention(tmp_path, clean, row):
     recorded = posed_runs.CONVENTIONS[row["convention"]](clean)
     path = posed_runs.write(tmp_path / "run", recorded, row["source"], row["container"])

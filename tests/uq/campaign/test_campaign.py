@@ -101,7 +101,7 @@ def test_load_cell_and_cg_variances_are_the_closed_form(brief, engine):
     without = estimates(only(brief), 1, estimators=("central",))[1][0, 0, 0]
     motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
-    rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
+    rows = np.asarray(jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega[:, 1:-1], alpha))
     inverse = np.linalg.inv(np.einsum("nji,nje->ie", rows, rows))
     r, force = brief.r_cg_from_q, np.asarray(simulate(only(brief)).run.force)[1:-1]
     moment_of_force = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # d(-r×F)/dF

@@ -59,7 +59,7 @@ def closed(brief):
     """Variances by source and component of the linear sources: (ΩᵀΩ)⁻¹ Ωᵀ Σ Ω (ΩᵀΩ)⁻¹ from the rows themselves."""
     motion = true_motion(brief, brief.trajectories["T1"])
     alpha = (motion.omega[:, 2:] - motion.omega[:, :-2]) * 200
-    rows = np.asarray(jax.vmap(omega_r, in_axes=1)(motion.omega[:, 1:-1], alpha))
+    rows = np.asarray(jax.jit(jax.vmap(omega_r, in_axes=1))(motion.omega[:, 1:-1], alpha))
     force = np.asarray(simulate(only(brief)).run.force)[1:-1]
     solve = np.einsum(
         "ie,nje->nij", np.linalg.inv(np.einsum("nji,nje->ie", rows, rows)), rows
