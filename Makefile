@@ -71,7 +71,7 @@ unit: env
 axe-core: PINNED = echo "$(AXE_SHA256)  out/axe/node_modules/axe-core/axe.min.js" | sha256sum --check --quiet
 axe-core:
 	$(PINNED) >/dev/null 2>&1 || npm install --silent --no-save --prefix out/axe axe-core@$(AXE_VERSION)
-	$(PINNED)
+	$(PINNED) || { rm -rf out/axe; exit 1; }
 
 # The pages judged by it; needs Chromium (Debian: apt-get install chromium).
 axe: env axe-core
