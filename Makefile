@@ -12,8 +12,8 @@ WHERE ?= notebooks tests
 AXE_VERSION := 4.14.1
 AXE_SHA256 := 29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c
 # Functions of arrays or bytes alone, and every command once.
-QUICK := $(addprefix tests/,identify/motion identify/rigid_body identify/serial_arm identify/signals rig/devices rig/mcap \
-    uq/coverage uq/cli/test_every_command.py)
+QUICK := $(addprefix tests/,identify/motion identify/rigid_body identify/motion/serial_arm identify/signals rig/devices rig/mcap \
+    uq/monte_carlo/coverage uq/cli/test_every_command.py)
 
 .PHONY: env paper quick test test-all check unit axe-core axe bench study docs fuzz lock dist clean
 

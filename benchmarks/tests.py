@@ -2,7 +2,7 @@
 
 FILE is what a run with ``INERTIA_TEST_USAGE=FILE`` wrote; without it, pytest runs now, with all that follows ``--``:
 
-    python -m benchmarks.tests -- -n 2 --dist loadfile tests/uq/campaign
+    python -m benchmarks.tests -- -n 2 --dist loadfile tests/uq/monte_carlo/campaign
 """
 
 import argparse
@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from identify.text_tables import text_table
+from identify.display.text_tables import text_table
 
 
 class Usage(NamedTuple):

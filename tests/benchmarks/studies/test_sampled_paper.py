@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.studies.sampled_paper import report
 from tests.helpers.small_campaign import TRIALS
-from uq.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.campaign import montecarlo
 
 
 def campaigns(experiment, trials):
