@@ -1,0 +1,1 @@
+"""How numbers, tables and figures of a result are shown: terminal, notebook, JSON, DataFrame."""
