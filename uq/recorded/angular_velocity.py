@@ -246,7 +246,7 @@ def _of_joints(
         if gravity is not None:
             curve, within = _slope(slope, taps), slice(len(taps), len(inner) - len(taps))
             inner, slope = inner[within], slope[within]
-            force = chain.specific_force(inner, slope, curve, gravity)
+            force = chain.motion(inner, slope, curve, gravity).specific_force
         return Differentiated(chain.angular_velocity(inner, slope), sigma, taps, force)
 
     differentiated = _differentiated(source, position, instants, turn, name, "its joints' positions")
@@ -274,7 +274,7 @@ def _joint_states(
     for what, values in (("position", position), ("velocity", velocity)):
         if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
             raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
-    columns = [k for _, k in chain.joints]
+    columns = list(chain.columns)
     complete, position = _complete(position, columns, instants, name)
     measured = np.zeros(len(velocity), bool)
     if velocity.shape[1] and not by_positions:

@@ -12,20 +12,28 @@ from uq.files.mistakes import ExperimentError
 from uq.recorded.urdf_model import urdf_robot
 
 PACKAGE = ("package://", "model://")
+FORMATS = (".stl", ".obj", ".msh")
+"""File formats of meshes that MuJoCo reads."""
 
 
 def with_mesh_files(arm: DeclaredArm) -> ElementTree.Element:
     """Return the robot of an arm's URDF without what is only looked at, the meshes of its collision shapes as paths.
 
     Raises:
-        ExperimentError: there is no such file, it is no XML, it holds too much, or a mesh has no file.
+        ExperimentError: there is no such file, it is no XML, it holds too much, or a mesh has no file that can be read.
     """
     urdf, robot = arm.urdf, urdf_robot(arm.urdf, "platform.urdf", arm.fixed)
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             link.remove(seen)
         for mesh in link.iter("mesh"):
-            mesh.set("filename", str(_file(mesh.get("filename", ""), Path(urdf))))
+            file = _file(mesh.get("filename", ""), Path(urdf))
+            if file.suffix.lower() not in FORMATS:
+                raise ExperimentError(
+                    f"collision mesh {quoted(file.name)} of {Path(urdf).name} is none of {', '.join(FORMATS)}: convert "
+                    "it to binary STL and name that, or use boxes, cylinders and spheres"
+                )
+            mesh.set("filename", str(file))
     return robot
 
 
