@@ -167,6 +167,8 @@ class Clearance:
 
     def exceptions(self) -> Iterator[str]:
         """Yield what keeps less than the clearance, as sentences."""
+        if not any(shape.link for shape in self.shapes):
+            yield "No link that moves has a collision shape: nothing is kept apart."
         if self.may_touch:
             pairs = "; ".join(" and ".join(pair) for pair in self.may_touch)
             yield f"May touch, as they do at home or as the SRDF says: {pairs}."
@@ -182,8 +184,8 @@ class Clearance:
         turns = jnp.concatenate([jnp.eye(3)[None], frames.rotation])
         places = jnp.concatenate([jnp.zeros((1, 3)), frames.position])
         gaps = [self._between(turns, places)] if self.pairs else []
-        if (floor := self.arm.declared.floor) is not None:
-            moving = [shape for shape in self.shapes if shape.link > 1]
+        moving = [shape for shape in self.shapes if shape.link > 1]
+        if (floor := self.arm.declared.floor) is not None and moving:
             heights = [places[shape.link][2] + turns[shape.link][2] @ shape.position for shape in moving]
             lowest = [shape.lowest(turns[shape.link][2] @ shape.rotation) for shape in moving]
             gaps.append(jnp.stack(heights) - jnp.stack(lowest) - floor)

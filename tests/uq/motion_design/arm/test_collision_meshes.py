@@ -1,8 +1,10 @@
 """A maker's URDF, whose meshes are in a package of ROS: found, or one line before the search."""
 
+import re
 import struct
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -94,6 +96,30 @@ def test_other_names_and_formats(kind, written, tmp_path):
     np.testing.assert_allclose(shape.rotation, np.eye(3), atol=1e-7)
     np.testing.assert_allclose(shape.position, [0, 0, 0.04], atol=1e-7)  # of the base's collision
     assert loaded_model(clearance.arm, experiment.body, 9.81).nmesh == 1
+
+
+@pytest.mark.parametrize("wrong", ['xyz="0 nan 0.04"', 'rpy="0 inf 0"'])
+def test_a_shape_that_is_nowhere_is_refused_in_one_line(wrong, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(arm_design, "random_series", lambda *_: pytest.fail("searched"))
+    write(tmp_path, SHAPE)
+    text = (tmp_path / "arm.urdf").read_text()
+    assert 'xyz="0 0 0.04"' in text
+    (tmp_path / "arm.urdf").write_text(text.replace('xyz="0 0 0.04"', wrong, 1))
+    assert main(["design", str(tmp_path / "arm.toml")]) == 2
+    (line,) = capfd.readouterr().err.splitlines()[-1:]
+    number = wrong.partition("=")[2].strip('"')
+    assert (
+        line == f"error: {wrong[:3]}='{number}' of a collision shape of link 'base' in arm.urdf: write finite numbers"
+    )
+
+
+def test_an_arm_without_shapes_is_said(tmp_path):
+    path = write(tmp_path)
+    text = (tmp_path / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub("<collision>.*?</collision>", "", text, flags=re.DOTALL))
+    clearance = Clearance.of(Arm.of(Experiment.load(path)))
+    assert [*clearance.exceptions()] == ["No link that moves has a collision shape: nothing is kept apart."]
+    assert clearance.gaps(jnp.asarray(clearance.arm.home)).shape == (0,)
 
 
 FLAT = bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 0.05, 0, 0, 0, 0.05, 0, 0)
