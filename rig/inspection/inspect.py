@@ -41,6 +41,8 @@ class Inspection:
     findings: list[TopicFinding] = field(default_factory=list)
     imported: bool = False
     """Whether the run was imported from a table, by a map."""
+    gravity_removed: bool = False
+    """Whether the recording says that gravity was taken out of its acceleration."""
 
     def to_dict(self) -> dict[str, object]:
         """Return the inspection as plain values for JSON."""
@@ -76,7 +78,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     """
     contents = load(path)
     report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[TopicFinding]()
-    report.imported = "imported" in contents.metadata.get("rig.run", {})
+    about = contents.metadata.get("rig.run", {})
+    report.imported, report.gravity_removed = "imported" in about, about.get("accelerometer_at_rest") == "zero"
     for topic, messages in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
         channels.append(channel.in_order())

@@ -179,6 +179,11 @@ def accelerometer_down(run):
     return replace(run, specific_force=-run.specific_force)
 
 
+def linear_acceleration(run):
+    """An accelerometer whose driver takes gravity out of its readings."""
+    return replace(run, specific_force=run.specific_force - run.attitude.inv().apply(UP))
+
+
 def reversed_wrench(run):
     return replace(run, force=-run.force, moment=-run.moment)
 
@@ -249,7 +254,7 @@ CONVENTIONS = {
     function.__name__: function
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
-        accelerometer_down, reversed_wrench, reversed_force, clocks_apart, booted_clock, strain_gauge,
+        accelerometer_down, linear_acceleration, reversed_wrench, reversed_force, clocks_apart, booted_clock, strain_gauge,
         not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
         no_accelerometer_ceiling,
     )

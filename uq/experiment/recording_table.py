@@ -87,6 +87,10 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
     """Rotation matrix from components along the IMU's axes to components along the body's."""
     wrench_point: Point | None = None
     """Position of the point where the moment is taken, from Q, in B [m]."""
+    accelerometer_at_rest: Literal["up", "down", "zero"] | None = None
+    """The accelerometer's reading at rest: up (specific force), down (its negative), or zero, where gravity was taken
+    out of it, as from a "linear acceleration". An attitude in the recording puts it back; without one the acceleration
+    is not used."""
     calibration: Annotated[np.ndarray, matrix(6, 6)] | None = None
     """Matrix from the six raw channels to force and moment in their units."""
 
@@ -115,8 +119,6 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     quaternion: Annotated[np.ndarray, written(_fields, {"type": "string", "examples": ["w, x, y, z"]})] | None = None
     """Meaning of a recorded quaternion's fields x, y, z, w in this order: ``w, x, y, z`` where the scalar is first,
     ``-x, -y, -z, w`` where the rotation takes components at rest to the sensor's."""
-    accelerometer_at_rest: Literal["up", "down"] | None = None
-    """Direction of the accelerometer's reading at rest: up (specific force), or down (its negative)."""
     imu_position: Point | None = None
     """Position of the accelerometer from Q, in B [m]."""
     accelerometer_delay: Annotated[float, in_unit("s")] | None = None

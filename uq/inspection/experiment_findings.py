@@ -57,8 +57,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     if run.specific_force is None:
         has_gravity = attitude is not None and attitude.gravity is not None
         return run_gravity(wrench, imu, attitude, rig, run.name).findings if has_gravity else []
-    from_imu = imu_findings(imu, run.name)
-    if any(finding.label == "axes" for finding in from_imu):
+    from_imu = imu_findings(imu, run.name, wrench)
+    if any(finding.label in ("axes", "linear acceleration") for finding in from_imu):
         return from_imu
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     return [*from_imu, *together]

@@ -46,6 +46,8 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         if report.imported:
             in_map = {topic_finding(part, imported=False): topic_finding(part, imported=True) for part in judged}
             report.findings = [in_map.get(finding, finding) for finding in report.findings]
+        if report.gravity_removed:
+            report.findings = [finding for finding in report.findings if finding.kind != "linear acceleration"]
         return report
     from identify.signals.run import RunError
     from uq.files.mistakes import ExperimentError
@@ -88,9 +90,11 @@ def _without_experiment(
     origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)
     findings = list(findings)
     wild = {finding.topic for finding in findings if finding.kind in ("not finite", "excess")}
+    whole = [wrench for wrench in wrenches if len(wrench.stamp) >= LEAST_SAMPLES and wrench.topic not in wild]
+    alone = WrenchSignal(_seconds(whole[0], origin), whole[0].force, whole[0].moment) if len(whole) == 1 else None
     for imu in imus:
         if len(imu.stamp) >= LEAST_SAMPLES and imu.topic not in wild:  # of such values nothing can be computed
-            by_itself = imu_findings(_imu_signal(imu, origin), imu.topic)
+            by_itself = imu_findings(_imu_signal(imu, origin), imu.topic, alone)
             judged += by_itself
             findings += [topic_finding(finding, imported=False) for finding in by_itself]
     topics = [channel.topic for channel in channels]

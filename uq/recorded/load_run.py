@@ -20,7 +20,7 @@ from rig import channels
 from rig.bags.marks import Notes, read_marks
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
-from uq.recorded.angular_velocity import motion
+from uq.recorded.angular_velocity import RecordedAttitude, motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
 from uq.recorded.message_times import check_overlap, in_order, instants
 from uq.recorded.time_window import on_clock
@@ -108,15 +108,23 @@ def of_channels(
     check_overlap(pair, times, bag.path.name)
     early = channels.stamps_early(*pair) if times[0] is bag.wrench.stamp else 0.0
     source = motion(bag, recording, times[1], gravity=gravity, band=band)
-    if recording.accelerometer_delay and not (source.imu is bag.motion and bag.imu.linear_acceleration.any()):
-        raise RunError(
-            f"recording.accelerometer_delay is declared, and {bag.motion.topic} in {bag.path.name} holds no "
-            "accelerometer's specific force: remove it"
-        )
+    for key, stated in (
+        ("accelerometer_delay", recording.accelerometer_delay),
+        ("accelerometer_at_rest", recording.accelerometer_at_rest == "zero"),
+    ):
+        if stated and not (source.imu is bag.motion and bag.imu.linear_acceleration.any()):
+            raise RunError(
+                f"recording.{key} is declared, and {bag.motion.topic} in {bag.path.name} holds no accelerometer's "
+                "specific force: remove it"
+            )
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
-    rig = declared(bag, recording)
+    rig, at_rest = declared(bag, recording), source.gravity
+    if rig.gravity_removed:
+        at_rest = recording.gravity_of_poses(gravity)
+        bag, unused = _with_gravity(bag, rig, source.attitude, times[1], at_rest)
+        reordered += unused
     start = min(int(times[0][0]), int(times[1][0])) if start is None else start
     seconds = [(stamp - start) * 1e-9 for stamp in times]
     attitude = None if source.attitude is None else source.attitude.of_body(rig.imu_rotation)
@@ -134,7 +142,7 @@ def of_channels(
         run=replace(
             run,
             attitude=None if attitude is None else attitude.at(start + np.round(run.t * 1e9).astype(np.int64)),
-            gravity=source.gravity,
+            gravity=None if attitude is None else at_rest,
             stamps_early=early,
             zero_at_rest=recording.zero_frame == "base",
             warnings=(*run.warnings, *source.warnings, *time_notes),
@@ -145,6 +153,42 @@ def of_channels(
         assumptions=(*rig.assumptions, *source.notes, *reordered),
         rig=rig,
     )
+
+
+LEAST_GRAVITY = 5.0
+"""Mean specific force along axes at rest from which there is gravity in it [m/s²]."""
+LEAST_SECONDS = 2.0
+"""Seconds over which it is averaged: a shorter motion may be as fast."""
+
+
+def _with_gravity(
+    bag: channels.Recording, rig: DeclaredConventions, attitude: RecordedAttitude | None, instants: np.ndarray,
+    gravity: np.ndarray,
+) -> tuple[channels.Recording, tuple[str, ...]]:  # fmt: skip
+    """Put back the gravity that was taken out of the accelerometer's readings, by the attitude of its sensor.
+
+    Without an attitude the readings become zero, which is no accelerometer, and an assumption says so.
+
+    Raises:
+        RunError: gravity is in them.
+    """
+    imu, scale, name = bag.imu, rig.scales["acceleration"], bag.path.name
+    if attitude is None:
+        unused = (
+            f"the acceleration of {imu.topic} in {name} holds no gravity, and nothing tells the attitude that puts it "
+            "back: it is not used, and the mass is not determined; record the quaternion, too, or the accelerometer as "
+            "it reads"
+        )
+        return replace(bag, motion=replace(imu, linear_acceleration=np.zeros_like(imu.linear_acceleration))), (unused,)
+    to_rest = attitude.at(instants)
+    mean = scale * np.einsum("nij,nj->ni", to_rest, imu.linear_acceleration).mean(axis=0)
+    if np.linalg.norm(mean) > LEAST_GRAVITY and instants[-1] - instants[0] > LEAST_SECONDS * 1e9:
+        raise RunError(
+            f"accelerometer_at_rest is zero, and the acceleration of {imu.topic} in {name} holds gravity "
+            f"({np.linalg.norm(mean):.3g} m/s^2 on average, along axes at rest): remove accelerometer_at_rest"
+        )
+    specific = imu.linear_acceleration - np.einsum("nji,j->ni", to_rest, gravity) / scale
+    return replace(bag, motion=replace(imu, linear_acceleration=specific)), ()
 
 
 NOT_MEASURED = ("linear_acceleration", "orientation", "angular_velocity", "position")

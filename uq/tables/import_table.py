@@ -77,6 +77,8 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
         "frames": json.dumps(frames),
         "units": json.dumps(UNITS),
     }
+    if mapping.recording.accelerometer_at_rest == "zero":
+        about["accelerometer_at_rest"] = "zero"
     write(output, wrench=wrench, imu=channel, metadata={"rig.run": about})
     count = f"{len(wrench.stamp):,} samples"
     if len(channel.stamp) != len(wrench.stamp):

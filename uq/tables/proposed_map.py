@@ -1,13 +1,17 @@
 """A map that is proposed for a table: what its names, units and numbers suggest, every guess with its reason."""
 
 import re
+import tomllib
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identify.judge.conventions.convention_fit import ImuSignal
+from identify.judge.conventions.imu_conventions import without_gravity
 from identify.signals.run import RunError
 from rig.atomic_files import replacing
 from rig.exceptions import RigError, listed, on_one_line
@@ -177,6 +181,29 @@ class _Guess:
                 yield _line(key, stated, "as the table states")
             else:
                 yield _line(key, *self._guessed_unit(signal))
+        if self._without_gravity:
+            why = "read at rest: gravity was taken out, which a quaternion in the table puts back"
+            yield _line("accelerometer_at_rest", "zero", why)
+
+    @cached_property
+    def _without_gravity(self) -> bool:
+        """Whether the acceleration holds no gravity, by the gyro; not judged without numbers for times."""
+        import pandas as pd
+
+        if not {"acceleration", "angular_velocity"} <= self.signals.keys():
+            return False
+        lines = tomllib.loads("\n".join(self._time()))
+        if "time_unit" in lines:
+            cells = self.table.frame[self.written.index(lines["time"])]
+            time = pd.to_numeric(cells, errors="coerce").to_numpy(float) * scale(lines["time_unit"], "s")
+        elif "time" in lines or not lines["rate"].removesuffix(" Hz").replace(".", "").isdigit():
+            return False
+        else:
+            time = np.arange(len(self.table.frame)) / float(lines["rate"].removesuffix(" Hz"))
+        rows = np.column_stack([time, *(self.table.numbers(name) for name in ("angular_velocity", "acceleration"))])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        rate = self.layout.unit(self.signals["angular_velocity"], "rad/s") or self._guessed_unit("angular_velocity")[0]
+        return without_gravity(ImuSignal(rows[:, 0], rows[:, 1:4] * scale(rate, "rad/s"), rows[:, 4:]))
 
     def _by_name(self) -> None:
         groups: dict[tuple[str, str], dict[str, int]] = {}
@@ -253,6 +280,8 @@ class _Guess:
             return UNITS[signal], "a guess: the table states none; inertia inspect detects a wrong one"
         values = self.table.numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+        if signal == "acceleration" and self._without_gravity:
+            return UNITS[signal], "a guess: without gravity nothing tells its unit"
         if signal == "acceleration":
             typical = float(np.median(sizes))
             units = ("m/s^2", "g", "mm/s^2", "mg_0")

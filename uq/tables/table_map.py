@@ -94,6 +94,9 @@ class Map(TomlTable, frozen=True, kw_only=True):
             if count > 1:
                 raise WrongKeyError("second", f"name {' and '.join(keys)} for one of the tables", "repeats columns")
 
+        if self.recording.accelerometer_at_rest and all(part.acceleration is None for part in self.parts):
+            raise WrongKeyError("recording.accelerometer_at_rest", "remove it", "belongs to columns of acceleration")
+
     @property
     def parts(self) -> tuple[MapColumns, ...]:
         """The columns of each table."""

@@ -246,6 +246,11 @@ def carried_gravity(
     return size * carried_attitude(step, omega, specific)[:, 2]
 
 
+def carried_by_gyro(step: float, omega: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Rotations from B at each sample to B at the first, ``step`` apart [s]."""
+    return cumulative_product(exponentials(np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])))
+
+
 def carried_attitude(
     step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
 ) -> Float[np.ndarray, "n 3 3"]:
@@ -253,8 +258,7 @@ def carried_attitude(
 
     The upward direction along the axes at the start is the specific force's mean over ``RECALL`` about each instant.
     """
-    turns = np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])
-    attitude = cumulative_product(exponentials(turns))
+    attitude = carried_by_gyro(step, omega)
     along_start = np.einsum("nij,nj->ni", attitude, specific)
     up = moving_average(along_start, 2 * round(RECALL / step / 2) + 1, ends="fewer")
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
