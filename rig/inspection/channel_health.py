@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, RecordedChannel, WrenchChannel
 from rig.record import device_clock
 
 SensorChannel = WrenchChannel | ImuChannel
@@ -47,6 +47,8 @@ def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
     if len(channel.stamp) < LEAST_SAMPLES:
         yield "short", f"only {len(channel.stamp)} samples: record longer"
         return
+    if together := device_clock.bunches(channel.stamp):
+        yield "bunches", together.cure(rate_key(channel))
     yield from _gaps(channel)
     yield from _order(channel)
     yield from _clock(channel, skew)
@@ -64,6 +66,11 @@ def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
     if isinstance(channel, WrenchChannel):
         return {"force": channel.force, "moment": channel.moment}
     return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
+
+
+def rate_key(channel: RecordedChannel) -> str:
+    """Return the key of ``[recording]`` that states the rate of a channel's sensor."""
+    return "wrench_rate" if isinstance(channel, WrenchChannel) else "motion_rate"
 
 
 def _gaps(channel: SensorChannel) -> Suspicions:

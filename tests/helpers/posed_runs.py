@@ -52,6 +52,8 @@ class PosedRun:
     specific_force: np.ndarray
     wrench_late: float = 0.0
     """Time by which the wrench's stamps are late [s]; the log's times are right."""
+    arrives: np.ndarray | None = None
+    """Instants at which the wrench's messages arrive, and are stamped [s]; None: as they were measured."""
 
 
 def urdf(path):
@@ -196,6 +198,11 @@ def clocks_apart(run):
     return replace(run, wrench_late=0.4)
 
 
+def in_bunches(run):
+    """A wrench by a serial chip that sends every 16 ms, stamped as it arrives, 1 ns apart."""
+    return replace(run, arrives=0.016 * np.ceil(run.t / 0.016 - 1e-9) + 1e-9 * np.arange(len(run.t)))
+
+
 def booted_clock(run):
     return replace(run, wrench_late=START * 1e-9 - 37.0)
 
@@ -254,8 +261,8 @@ CONVENTIONS = {
     function.__name__: function
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
-        accelerometer_down, linear_acceleration, reversed_wrench, reversed_force, clocks_apart, booted_clock, strain_gauge,
-        not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
+        accelerometer_down, linear_acceleration, reversed_wrench, reversed_force, clocks_apart, booted_clock,
+        in_bunches, strain_gauge, not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
         no_accelerometer_ceiling,
     )
 }  # fmt: skip
@@ -275,11 +282,15 @@ def _messages(run, source, store):
     kind = names.get(source, "sensor_msgs/msg/Imu")
     empty, unknown = np.zeros(0), np.zeros(9)
     quaternion = run.quaternion if source == "quaternion" else np.tile([0.0, 0, 0, 1], (len(run.t), 1))
-    for k, time in enumerate((START + np.round(run.t * 1e9).astype(np.int64)).tolist()):
-        at = time - round(run.wrench_late * 1e9)
+    measured, arrived = (
+        (START + np.round(t * 1e9).astype(np.int64)).tolist()
+        for t in (run.t, run.t if run.arrives is None else run.arrives)
+    )
+    for k, (time, arrival) in enumerate(zip(measured, arrived, strict=True)):
+        at = arrival - round(run.wrench_late * 1e9)
         items.append(
             (
-                time,
+                arrival,
                 "/wrench",
                 stamped.__msgtype__,
                 stamped(header(store, at, "tool0"), wrench(store, run.force[k], run.moment[k])),
@@ -301,7 +312,7 @@ def _messages(run, source, store):
                 head, turn, unknown, vector(store, run.omega[k]), unknown, vector(store, run.specific_force[k]), unknown
             )
         items.append((time, "/motion", kind, message))
-    return items
+    return sorted(items, key=lambda item: item[0])
 
 
 def write(path, run, source, container):

@@ -30,6 +30,7 @@ WIDEST_ANGLE = np.pi / 6
 """Standard uncertainty of the rotation [rad] beyond which the frames are to be declared instead."""
 Rotation = Annotated[np.ndarray, ROTATION]
 Point = Annotated[np.ndarray, vector("m")]
+SampleRate = Annotated[float, in_unit("Hz", above=0)]
 SigmaOfTime = Annotated[float, in_unit("s", least=0)]
 SigmaOfAngle = Annotated[float, in_unit("rad", least=0)]
 SigmaOfRate = Annotated[float, in_unit("rad/s", least=0)]
@@ -136,6 +137,11 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Centre of gravity of that mass from Q, in B [m]; missing: the body's."""
     time: Literal["header", "log"] | None = None
     """Time of the measurement: that of the message's header, or that of the log."""
+    wrench_rate: SampleRate | None = None
+    """Steady sample rate of the load cell, by which its samples are stamped where the times are those of arrival, in
+    bunches or with jitter [Hz]: the line of this rate below the fastest arrivals."""
+    motion_rate: SampleRate | None = None
+    """Steady sample rate of the motion's sensor, by which its samples are stamped in the same way [Hz]."""
     estimator: str | None = None
     """Name of the estimator for recorded runs; missing: the first."""
     urdf: str | None = None

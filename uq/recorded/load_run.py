@@ -22,7 +22,7 @@ from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import RecordedAttitude, motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
-from uq.recorded.message_times import check_overlap, in_order, instants
+from uq.recorded.message_times import check_overlap, in_order, instants, steadily_stamped
 from uq.recorded.time_window import on_clock
 
 
@@ -103,6 +103,8 @@ def of_channels(
         motion_read = replace(bag.motion, orientation=bag.motion.orientation @ recording.quaternion)
         bag = replace(bag, motion=motion_read)
     bag, reordered = in_order(bag, recording.time)
+    bag, steady = steadily_stamped(bag, recording)
+    reordered += steady
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)
     check_overlap(pair, times, bag.path.name)

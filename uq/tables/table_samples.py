@@ -13,6 +13,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
+from rig.record.device_clock import roundest
 from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.csv_columns import CsvTable, read_columns
 from uq.files.mistakes import ExperimentError
@@ -190,11 +191,7 @@ def rate_of_coarse(t: np.ndarray) -> float | None:
         return None
     tick, count = _resolution(t), len(t) - 1
     low, high = count / (t[-1] - t[0] + tick), count / max(t[-1] - t[0] - tick, tick)
-    for digits in range(1, 7):
-        rate = float(f"{count / (t[-1] - t[0]):.{digits - 1}e}")
-        if low <= rate <= high:
-            return rate
-    return None
+    return roundest(count / (t[-1] - t[0]), low, high)
 
 
 def _resolution(t: np.ndarray) -> float:
