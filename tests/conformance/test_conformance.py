@@ -68,6 +68,7 @@ def test_a_recording_in_this_convention(tmp_path, clean, row):
         "compensated",
         "other_payload",
         "in_bunches",
+        "low_passed_at_3_Hz",
         "reversed_wrench",
         "reversed_force",
     ):

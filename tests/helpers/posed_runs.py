@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from rosbags.rosbag2 import StoragePlugin
 from scipy.spatial.transform import Rotation
 
@@ -186,6 +187,19 @@ def linear_acceleration(run):
     return replace(run, specific_force=run.specific_force - run.attitude.inv().apply(UP))
 
 
+def _low_passed(corner):
+    """A wrench behind a low-pass of first order [Hz], exact for lines from sample to sample; its zero passes whole."""
+
+    def filtered(run):
+        step = run.t[1] - run.t[0]
+        system = (1.0, [1 / (2 * np.pi * corner), 1.0])
+        (taps,), poles, _ = scipy.signal.cont2discrete(system, step, method="foh")
+        passed = lambda x: scipy.signal.lfilter(taps, poles, x - x[0], axis=0) + x[0]  # noqa: E731
+        return replace(run, force=passed(run.force), moment=passed(run.moment))
+
+    return filtered
+
+
 def reversed_wrench(run):
     return replace(run, force=-run.force, moment=-run.moment)
 
@@ -266,6 +280,7 @@ CONVENTIONS = {
         no_accelerometer_ceiling,
     )
 }  # fmt: skip
+CONVENTIONS |= {"low_passed_at_3_Hz": _low_passed(3.0)}
 CONVENTIONS |= {
     "newton_millimetres": _in_units(1.0, 1e-3), "newton_centimetres": _in_units(1.0, 1e-2),
     "pounds_and_inches": _in_units(4.4482216, 0.11298483), "pounds_and_feet": _in_units(4.4482216, 1.3558179),

@@ -30,7 +30,7 @@ WIDEST_ANGLE = np.pi / 6
 """Standard uncertainty of the rotation [rad] beyond which the frames are to be declared instead."""
 Rotation = Annotated[np.ndarray, ROTATION]
 Point = Annotated[np.ndarray, vector("m")]
-SampleRate = Annotated[float, in_unit("Hz", above=0)]
+Frequency = Annotated[float, in_unit("Hz", above=0)]
 SigmaOfTime = Annotated[float, in_unit("s", least=0)]
 SigmaOfAngle = Annotated[float, in_unit("rad", least=0)]
 SigmaOfRate = Annotated[float, in_unit("rad/s", least=0)]
@@ -125,6 +125,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     accelerometer_delay: Annotated[float, in_unit("s")] | None = None
     """Delay of the accelerometer beside the gyro, as by a filter of a lower frequency: time by which its samples are
     older than the gyro's of the same stamp [s]."""
+    wrench_lowpass: Frequency | None = None
+    """Corner of the low-pass of first order through which the wrench went, and the motion did not [Hz]: it is undone,
+    ``F + dF/dt / (2 pi corner)``."""
     offsets: Literal["estimate", "still", "none"] = "estimate"
     """Constant offsets of force and moment: estimated along with the tensor, taken from still segments, or none."""
     zero: Literal["empty", "loaded"] | None = None
@@ -137,10 +140,10 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Centre of gravity of that mass from Q, in B [m]; missing: the body's."""
     time: Literal["header", "log"] | None = None
     """Time of the measurement: that of the message's header, or that of the log."""
-    wrench_rate: SampleRate | None = None
+    wrench_rate: Frequency | None = None
     """Steady sample rate of the load cell, by which its samples are stamped where the times are those of arrival, in
     bunches or with jitter [Hz]: the line of this rate below the fastest arrivals."""
-    motion_rate: SampleRate | None = None
+    motion_rate: Frequency | None = None
     """Steady sample rate of the motion's sensor, by which its samples are stamped in the same way [Hz]."""
     estimator: str | None = None
     """Name of the estimator for recorded runs; missing: the first."""

@@ -8,6 +8,7 @@ import numpy as np
 from identify.judge.conventions.attitude_findings import attitude_findings
 from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.findings.clock import clock_findings
+from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
@@ -60,6 +61,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     from_imu = imu_findings(imu, run.name, wrench)
     if any(finding.label in ("axes", "linear acceleration") for finding in from_imu):
         return from_imu
+    if filtered := list(filter_findings(wrench, imu, run.name)):
+        return [*from_imu, *filtered]
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     return [*from_imu, *together]
 

@@ -40,6 +40,8 @@ class DeclaredConventions:
     """Whether the wrench is recorded in the load cell's own axes; not in those of the body, as a run of ours is."""
     accelerometer_delay: float = 0.0
     """Time by which the accelerometer's samples are older than the gyro's [s]."""
+    wrench_time_constant: float = 0.0
+    """Time constant of the low-pass of first order through which the wrench went [s]."""
     gravity_removed: bool = False
     """Whether gravity was taken out of the accelerometer's readings."""
 
@@ -99,6 +101,7 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
         imu_rotation=np.eye(3) if imu_rotation is None else imu_rotation,
         wrench_point=np.zeros(3) if point is None else point, imu_position=position, assumptions=tuple(assumed),
         cell_axes=not metadata.wrench_in_body, accelerometer_delay=recording.accelerometer_delay or 0.0,
+        wrench_time_constant=0.0 if recording.wrench_lowpass is None else 1 / (2 * np.pi * recording.wrench_lowpass),
         gravity_removed=metadata.gravity_removed or recording.accelerometer_at_rest == "zero",
     )  # fmt: skip
 

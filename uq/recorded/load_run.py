@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy
 
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.held_samples import repeats, saturated
@@ -239,14 +240,15 @@ class _Channels:
             refuse_excess(signal, values, bag.path.name)
         if (raw[0] == raw[0][0]).all():
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
-        self.wrench = np.hstack(rig.wrench(wrench, turning))
         self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
         )
         self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
-        self.wrench, self.motion = self.wrench[usable[0]], self.motion[usable[1]]
+        turning = None if turning is None else turning[usable[0]]
+        self.wrench = np.hstack(rig.wrench(unfiltered(wrench.taken(usable[0]), self.t_wrench, rig), turning))
+        self.motion = self.motion[usable[1]]
         if rig.accelerometer_delay and len(self.t_imu) > 1 and (np.diff(self.t_imu) > 0).all():
             self._advance(rig.accelerometer_delay)
 
@@ -295,6 +297,21 @@ class _Channels:
             imu_position=self.rig.imu_position,
             mounting=self.bag.metadata.get("rig.run", {}).get("mounting") or None,
         )
+
+
+def unfiltered(channel: channels.WrenchChannel, t: np.ndarray, rig: DeclaredConventions) -> channels.WrenchChannel:
+    """Return a wrench before the low-pass of first order through which it went, by its slope.
+
+    Args:
+        channel: of the load cell.
+        t: its instants [s]; where they do not increase, the run says so later.
+        rig: what is declared of the filter.
+    """
+    if not rig.wrench_time_constant or len(t) < 4 or not (np.diff(t) > 0).all():
+        return channel
+    values = np.hstack([channel.force, channel.moment])
+    before = values + rig.wrench_time_constant * scipy.interpolate.make_interp_spline(t, values).derivative()(t)
+    return replace(channel, force=before[:, :3], moment=before[:, 3:])
 
 
 def _check_rates(channels: _Channels, band: float | None) -> None:
