@@ -91,6 +91,8 @@ def table(path, row, count=10):
     force = posed_runs.MASS * turn.inv().apply(posed_runs.G * along)
     moment = np.cross(posed_runs.R_CG, force) + posed_runs.ZERO[3:]
     force = force + posed_runs.ZERO[:3] + 0.01 * np.random.default_rng(6).normal(size=force.shape)
+    if convention == "zero_drifts":
+        force = force + np.linspace(0, 1, count)[:, None] * [1.0, 0.5, 2.0]
     if convention == "wrench_at_rest":
         force, moment = turn.apply(force), turn.apply(moment)
     written = turn.inv() if convention == "inverse" else turn
@@ -139,6 +141,7 @@ def test_a_table_of_poses_in_this_convention(tmp_path, row):
             tomllib.loads(row["finding"])
         )
     centre = weighed(path, poses, recording)
+    assert row.get("named", "") in " ".join(centre.warnings)
     assert not [text for text in centre.warnings if "suspicious" in text or "residuals" in text]
     assert centre.mass == pytest.approx(posed_runs.MASS, abs=2e-3)
     np.testing.assert_allclose(centre.r_cg, posed_runs.R_CG, atol=2e-4)

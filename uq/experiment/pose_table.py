@@ -41,7 +41,10 @@ def _euler_axes(_: str, raw: Any) -> str:
 class Poses(ColumnsTable, frozen=True, kw_only=True):
     """``[poses]``: the declaration of static poses."""
 
-    SIGNALS = ("force", "moment", *ATTITUDES)
+    SIGNALS = ("time", "force", "moment", *ATTITUDES)
+    time: str | None = None
+    """The column of the time at which each pose was held, in any unit, by which a drift of the zero goes; missing: by
+    the order of the rows."""
     force: Axes[str] | None = None
     """The columns of the force's components."""
     moment: Axes[str] | None = None
@@ -92,6 +95,8 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
             raise WrongKeyError("", "names no columns of force and moment: add both")
         if named and not attitudes:
             raise WrongKeyError("", f"describes no attitude: name the columns of one of {', '.join(ATTITUDES)}")
+        if self.time is not None and self.rate is not None:
+            raise WrongKeyError("time", "remove it, or rate", "is that of rows of poses, rate that of samples")
         if self.attitude in ROTATIONS and self.takes is None:
             raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
         if self.attitude in ANGLES and self.angle_unit is None:
