@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
-from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel, halves
 from rig.exceptions import RigError
 from rig.mcap import cdr
 from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
@@ -49,7 +49,9 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
     return _read(path, wrench, imu, (WRENCH,), (IMU,))
 
 
-def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
+def read_any(
+    path: PathLike, *, wrench: str | None = None, motion: str | None = None, accelerometer: str | None = None
+) -> Recording:
     """Read a run's wrench, stamped or not, and whatever measures its motion.
 
     Args:
@@ -57,20 +59,46 @@ def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = 
         wrench: the topic of type WrenchStamped or Wrench; None takes the only one of the first of these types.
         motion: the topic of type Imu, TwistStamped, Odometry, PoseStamped or JointState; None takes the only one of
             the first of these types that the run has.
+        accelerometer: the Imu topic of the accelerometer, where the motion's is a gyro's alone; None: the only one
+            whose angular velocity is zero throughout, beside one whose acceleration is.
 
     Raises:
         RigError, OSError: as :func:`read`.
     """
-    return _read(path, wrench, motion, WRENCHES, MOTIONS)
+    contents = load(path, only=dict.fromkeys(WRENCHES, wrench) | dict.fromkeys(MOTIONS, motion) | {IMU: None})
+    names = [name for name, kind in contents.types.items() if kind == IMU and name in contents.topics]
+    if len(names) < 2 or (motion is not None and motion not in names):
+        return _recording(contents, wrench, motion, WRENCHES, MOTIONS)
+    imus = {name: contents.imu(name) for name in names}
+    apart = halves([imus[name] for name in names])
+    if accelerometer is not None:
+        accelerometer = contents.choose(IMU, accelerometer)
+    elif apart is not None and motion in (None, apart[0].topic):
+        motion, accelerometer = apart[0].topic, apart[1].topic
+    motion = contents.choose(IMU, motion)
+    return Recording(
+        path=Path(path),
+        sha256=contents.sha256,
+        metadata=contents.metadata,
+        wrench=contents.wrench(contents.choose(WRENCHES, wrench)),
+        motion=imus[motion],
+        accelerometer=None if accelerometer is None else imus[accelerometer],
+    )
 
 
 def _read(
     path: PathLike, wrench: str | None, motion: str | None, wrenches: tuple[str, ...], motions: tuple[str, ...]
 ) -> Recording:
     contents = load(path, only=dict.fromkeys(wrenches, wrench) | dict.fromkeys(motions, motion))
+    return _recording(contents, wrench, motion, wrenches, motions)
+
+
+def _recording(
+    contents: Contents, wrench: str | None, motion: str | None, wrenches: tuple[str, ...], motions: tuple[str, ...]
+) -> Recording:
     wrench_topic, motion_topic = contents.choose(wrenches, wrench), contents.choose(motions, motion)
     return Recording(
-        path=Path(path),
+        path=Path(contents.path),
         sha256=contents.sha256,
         metadata=contents.metadata,
         wrench=contents.wrench(wrench_topic),

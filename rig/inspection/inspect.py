@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from rig.bags.topics import load
-from rig.channels import counted_together
+from rig.channels import ImuChannel, counted_together, halves
 from rig.exceptions import on_one_line
 from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
@@ -89,6 +89,11 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         skew = clock_skew(channel)
         report.channels.append(_describe(channel, skew))
         findings += channel_findings(channel, skew)
+    if apart := halves([channel for channel in channels if isinstance(channel, ImuChannel)]):
+        no_gyro = apart[1].topic  # of the accelerometer alone no gyro is missed
+        findings = [
+            one for one in findings if (one.kind, one.topic) != ("constant", no_gyro) or "angular" not in one.text
+        ]
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
     held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
     held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}

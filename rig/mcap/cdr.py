@@ -19,13 +19,14 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from rig.exceptions import RigError
 from rig.mcap.message_definitions import IMU, POSE, SHAPES, STAMPED, WRENCH, Field, columns
 
 ENDIANNESS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 ENCODINGS = ("cdr", "ros1")
 MOST_NAMES = 4096
 """Joints in a message; each is a field of the layout."""
-MOST_LAYOUTS = 256
+MOST_LAYOUTS = 4096
 """Layouts of one topic in a chunk, beyond which its texts change from message to message."""
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
 RECORD = [
@@ -160,14 +161,15 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
-        ValueError: a message is not of this type, or their texts change too often.
+        ValueError: a message is not of this type.
+        RigError: their texts change too often.
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
     pending, groups = np.arange(len(starts)), list[DecodedMessages]()
     while len(pending):
         if len(groups) == MOST_LAYOUTS:
-            raise ValueError("its frames or names change from message to message")
+            raise RigError("its frames or names change from message to message: record those of the robot alone")
         first = starts[pending[0]]
         shape = layout_of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
         same_layout = pending[lengths[pending] == lengths[pending[0]]]

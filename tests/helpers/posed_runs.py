@@ -53,6 +53,8 @@ class PosedRun:
     specific_force: np.ndarray
     wrench_late: float = 0.0
     """Time by which the wrench's stamps are late [s]; the log's times are right."""
+    orders: int = 1
+    """Number of orders in which messages name the joints, at random."""
     arrives: np.ndarray | None = None
     """Instants at which the wrench's messages arrive, and are stamped [s]; None: as they were measured."""
 
@@ -212,6 +214,10 @@ def clocks_apart(run):
     return replace(run, wrench_late=0.4)
 
 
+def joints_in_any_order(run):
+    return replace(run, orders=720)
+
+
 def in_bunches(run):
     """A wrench by a serial chip that sends every 16 ms, stamped as it arrives, 1 ns apart."""
     return replace(run, arrives=0.016 * np.ceil(run.t / 0.016 - 1e-9) + 1e-9 * np.arange(len(run.t)))
@@ -276,7 +282,7 @@ CONVENTIONS = {
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
         accelerometer_down, linear_acceleration, reversed_wrench, reversed_force, clocks_apart, booted_clock,
-        in_bunches, strain_gauge, not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
+        in_bunches, joints_in_any_order, strain_gauge, not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
         no_accelerometer_ceiling,
     )
 }  # fmt: skip
@@ -301,6 +307,8 @@ def _messages(run, source, store):
         (START + np.round(t * 1e9).astype(np.int64)).tolist()
         for t in (run.t, run.t if run.arrives is None else run.arrives)
     )
+    draw = np.random.default_rng(7)
+    orders = [np.arange(len(NAMES)), *(draw.permutation(len(NAMES)) for _ in range(run.orders - 1))]
     for k, (time, arrival) in enumerate(zip(measured, arrived, strict=True)):
         at = arrival - round(run.wrench_late * 1e9)
         items.append(
@@ -313,7 +321,8 @@ def _messages(run, source, store):
         )
         head = header(store, time, "root")
         if source == "joints":
-            message = types[kind](head, NAMES, run.joints[k], empty, empty)
+            order = orders[draw.integers(run.orders)]
+            message = types[kind](head, [NAMES[n] for n in order], run.joints[k][order], empty, empty)
         elif source in ("poses", "odometry"):
             point, turn = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
             pose = types["geometry_msgs/msg/Pose"](point(*run.place[k]), turn(*run.quaternion[k]))
@@ -326,6 +335,11 @@ def _messages(run, source, store):
             message = types[kind](
                 head, turn, unknown, vector(store, run.omega[k]), unknown, vector(store, run.specific_force[k]), unknown
             )
+        if source == "apart":  # as cameras do: gyro and accelerometer, at half the rate, in topics of their own
+            message = replace(message, linear_acceleration=vector(store, np.zeros(3)))
+            alone = replace(message, angular_velocity=vector(store, np.zeros(3)))
+            alone = replace(alone, linear_acceleration=vector(store, run.specific_force[k]))
+            items += [(time, "/accelerometer", kind, alone)] * (k % 2 == 0)
         items.append((time, "/motion", kind, message))
     return sorted(items, key=lambda item: item[0])
 

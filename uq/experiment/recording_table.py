@@ -112,6 +112,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Topic of force and moment; missing: the only one of its type."""
     motion_topic: str | None = None
     """Topic of the angular velocity; missing: the only one of its type."""
+    accelerometer_topic: str | None = None
+    """Topic of the specific force, where the angular velocity has a topic of its own; missing: the only one whose
+    angular velocity is zero throughout, beside one whose acceleration is."""
     wrench_frame: Literal["sensor", "base", "world"] | None = None
     """Axes of the recorded wrench: those that turn with the body, or those at rest to which the attitude refers: the
     root of ``urdf``, or the reference frame of poses and quaternions. ``base`` and ``world`` mean the same."""

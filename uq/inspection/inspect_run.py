@@ -62,7 +62,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         try:
             run = load(Path(path), experiment.recording, gravity=experiment.gravity, band=band, marks=False).run
         except RunError:
-            if all(finding.kind not in ("not finite", "bunches") for finding in findings):
+            if all(finding.kind not in ("not finite", "bunches", "constant") for finding in findings):
                 raise
             return findings
         run = cut(run, None, ())

@@ -19,11 +19,12 @@ from identify.signals.resample import UNEQUAL, interpolate, interval
 from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
+from rig.inspection.channel_health import channel_columns, dead_axes, dead_channel
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
 from uq.recorded.angular_velocity import RecordedAttitude, motion
 from uq.recorded.declared_channels import DeclaredConventions, declared
-from uq.recorded.message_times import check_overlap, in_order, instants, steadily_stamped
+from uq.recorded.message_times import check_overlap, in_order, instants, steadily_stamped, with_accelerometer
 from uq.recorded.time_window import on_clock
 
 
@@ -70,7 +71,9 @@ def load(
     Raises:
         RigError, RunError: see :func:`load_run`.
     """
-    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    bag = read_any(
+        path, wrench=recording.wrench_topic, motion=recording.motion_topic, accelerometer=recording.accelerometer_topic
+    )
     ours = "log_time" in bag.metadata.get("rig.run", {})
     return of_channels(bag, recording, read_marks(path) if marks or ours else Notes((), ()), gravity=gravity, band=band)
 
@@ -100,12 +103,16 @@ def of_channels(
     read = len(bag.wrench.stamp) + len(bag.motion.stamp)
     bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
     lost = read - len(bag.wrench.stamp) - len(bag.motion.stamp)
+    if dead := _dead_channels(bag.wrench):
+        raise RunError(f"{bag.path.name}: {dead[0]}")
+    dead = _dead_channels(bag.motion) if isinstance(bag.motion, channels.ImuChannel) else []
     if recording.quaternion is not None and bag.motion.orientation is not None:
         motion_read = replace(bag.motion, orientation=bag.motion.orientation @ recording.quaternion)
         bag = replace(bag, motion=motion_read)
     bag, reordered = in_order(bag, recording.time)
     bag, steady = steadily_stamped(bag, recording)
-    reordered += steady
+    bag, joined = with_accelerometer(bag, recording.time)
+    reordered += (*steady, *joined)
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)
     check_overlap(pair, times, bag.path.name)
@@ -148,7 +155,7 @@ def of_channels(
             gravity=None if attitude is None else at_rest,
             stamps_early=early,
             zero_at_rest=recording.zero_frame == "base",
-            warnings=(*run.warnings, *source.warnings, *time_notes),
+            warnings=(*run.warnings, *source.warnings, *time_notes, *dead),
             noise=None if source.noise is None else source.noise.turned(rig.imu_rotation),
             about=about(bag.metadata, bag.wrench.log_time),
         ),
@@ -156,6 +163,14 @@ def of_channels(
         assumptions=(*rig.assumptions, *source.notes, *reordered),
         rig=rig,
     )
+
+
+def _dead_channels(channel: channels.WrenchChannel | channels.ImuChannel) -> list[str]:
+    """Return what is said of components that never change while others of their vector do."""
+    return [
+        f"{channel.topic}: {dead_channel(name, int(axis), values)}"
+        for name, values in channel_columns(channel).items() for axis in dead_axes(values)
+    ]  # fmt: skip
 
 
 LEAST_GRAVITY = 5.0

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from identify.signals.resample import GAP, JITTER_WARNING
+from identify.signals.resample import GAP, JITTER_WARNING, in_gap, interpolate
 from identify.signals.run import RunError
 from rig.channels import ImuChannel, MotionChannel, RecordedChannel, Recording, WrenchChannel
 from rig.record import device_clock
@@ -91,7 +91,12 @@ def _steady(channel: AnyChannel, name: str, key: str, declared: RecordingTable) 
     rate, by_stamp = getattr(declared, key), declared.time != "log" and bool(channel.stamp.any())
     times = channel.stamp if by_stamp else channel.log_time
     if rate is None:
-        if by_stamp and _increases(times) and (together := device_clock.bunches(times)):
+        # several publishers on one topic, each of some of the joints, follow one another closely
+        parts = (
+            isinstance(channel, MotionChannel)
+            and not np.isfinite(0.0 if channel.position is None else channel.position).all()
+        )
+        if by_stamp and not parts and _increases(times) and (together := device_clock.bunches(times)):
             raise RunError(f"{channel.topic} in {name}: its {together.cure(key)}")
         return channel, ()
     if len(times) < 2:
@@ -107,6 +112,34 @@ def _steady(channel: AnyChannel, name: str, key: str, declared: RecordingTable) 
     scatter = f"{1e-6 * float((times - at).std()):.2g} ms"
     note = f"{channel.topic} samples steadily at {rate:g} Hz; its times of arrival scatter by {scatter}"
     return (replace(channel, stamp=at) if by_stamp else replace(channel, log_time=at)), (note,)
+
+
+def with_accelerometer(recording: Recording, choice: str | None) -> tuple[Recording, tuple[str, ...]]:
+    """Return a recording whose gyro has the readings of the accelerometer of another topic, at its own instants.
+
+    Args:
+        recording: its messages in order.
+        choice: ``header`` or ``log``, where declared.
+
+    Raises:
+        RunError: the two have no second in common, or times do not increase.
+    """
+    gyro, other = recording.motion, recording.accelerometer
+    if other is None or not isinstance(gyro, ImuChannel):
+        return recording, ()
+    name, other = f"{other.topic} and {gyro.topic} in {recording.path.name}", other.in_order()
+    by_stamp = choice != "log" and all(channel.stamp.any() for channel in (gyro, other))
+    times, at = ((x.stamp if by_stamp else x.log_time) for x in (other, gyro))
+    if len(times) < 2 or not _increases(times):
+        raise RunError(f"time of {other.topic} in {recording.path.name} does not increase: use the other clock")
+    t, instants = (times - times[0]) * 1e-9, (at - times[0]) * 1e-9
+    known = (instants >= 0) & (instants <= t[-1]) & ~in_gap(t, instants, 0.0)
+    if known.sum() < 2:
+        raise RunError(f"no overlap of {name}: check the clocks")
+    read = interpolate(t, other.linear_acceleration, instants[known])
+    joined = replace(gyro.taken(known), linear_acceleration=read)
+    note = f"the angular velocity is that of {gyro.topic}, the acceleration that of {other.topic}, at its own instants"
+    return replace(recording, motion=joined, accelerometer=None), (note,)
 
 
 def check_overlap(channels: tuple[Channel, Channel], times: tuple[np.ndarray, np.ndarray], name: str) -> None:
