@@ -19,7 +19,7 @@ from rig.bags.topics import Contents, load
 from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel, halves
 from rig.exceptions import RigError
 from rig.mcap import cdr
-from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
+from rig.mcap.message_definitions import IMU, MOTIONS, POSE, WRENCH, WRENCHES
 from rig.mcap.records import seal
 from rig.mcap.writer import Compression, new_writer, register
 
@@ -152,8 +152,7 @@ def message_type(channel: WrittenChannel) -> str:
 
 def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
     if isinstance(channel, MotionChannel):
-        values = channel.position if channel.orientation is None else channel.orientation  # an origin is not written
-        return () if values is None else (values,)
+        return tuple(values for values in (channel.position, channel.orientation) if values is not None)
     if isinstance(channel, WrenchChannel):
         return channel.force, channel.moment
     rates = channel.angular_velocity, channel.linear_acceleration
@@ -169,8 +168,10 @@ def _check_lengths(channel: WrittenChannel) -> None:
 
 def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    oriented = isinstance(channel, ImuChannel) and channel.orientation is not None
-    encode = cdr.encoder(message_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
+    kind, names = message_type(channel), getattr(channel, "names", ())
+    oriented = kind == IMU and getattr(channel, "orientation", None) is not None
+    placed = kind == POSE and getattr(channel, "position", None) is not None
+    encode = cdr.encoder(kind, channel.frame_id, names, oriented=oriented, placed=placed)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

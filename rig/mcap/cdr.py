@@ -208,16 +208,19 @@ NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {
     POSE: ("24x4d", ()),
 }
 ORIENTED_IMU = "4d72x3d72x3d72x", ()
+PLACED_POSE = "7d", ()
 """Numbers behind the header: their places, where ``x`` is a byte of zero, and those before a sample's.
 
-PoseStamped is at the origin. Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``), unless it is asked
-for, and of unknown covariances (zeros).
+PoseStamped is at the origin, unless a position is given. Imu is without orientation (w = 1,
+``orientation_covariance[0] = -1``), unless it is asked for, and of unknown covariances (zeros).
 """
 Encode = Callable[[int, Sequence[float]], bytes]
 """Function from a stamp [ns] and the numbers of a sample to a message."""
 
 
-def encoder(type_name: str, frame_id: str, names: Sequence[str] = (), *, oriented: bool = False) -> Encode:
+def encoder(
+    type_name: str, frame_id: str, names: Sequence[str] = (), *, oriented: bool = False, placed: bool = False
+) -> Encode:
     """Return what packs the messages of a type in one frame.
 
     Args:
@@ -226,11 +229,12 @@ def encoder(type_name: str, frame_id: str, names: Sequence[str] = (), *, oriente
         frame_id: the frame that the messages name.
         names: of the joints or values.
         oriented: whether an Imu's numbers begin with a quaternion x y z w.
+        placed: whether a PoseStamped's numbers begin with a position.
     """
     if type_name not in NUMBERS:
         return lambda stamp, numbers: _joint_state(stamp, frame_id, names, numbers)
     frame = frame_id.encode() + b"\0"
-    places, first = ORIENTED_IMU if oriented else NUMBERS[type_name]
+    places, first = ORIENTED_IMU if oriented else PLACED_POSE if placed else NUMBERS[type_name]
     pack = struct.Struct(f"<4siII{len(frame)}s{-(12 + len(frame)) % 8}x{places}").pack
     return lambda stamp, numbers: pack(ENCAPSULATION, *divmod(stamp, 10**9), len(frame), frame, *first, *numbers)
 

@@ -33,8 +33,15 @@ AXES = {
 UNLIKELY = re.compile(r"angular_acc|setpoint|target|desired|command|bias|covariance")
 """Words of names that stand for something else."""
 QUATERNION = re.compile(r"(.*_)?(q|quat|quaternion|orientation)_?(?P<axis>[wxyz])")
+EULER = re.compile(r"(.*_)?(?P<axis>roll|pitch|yaw)(_?(deg|rad))?")
+ROTATION_VECTOR = re.compile(
+    r"(.*_)?(?:r(?:ot(?:ation)?)?(?:_?vec(?:tor)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[345]))"
+)
+POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<n>[012]))")
+SIX = re.compile(r"(.*_)?(ft_raw_wrench|tcp_force|wrench|ft)_?(?P<place>[0-5])")
+"""Wrenches of six numbered columns, as a robot's recorder names them."""
 JOINT = re.compile(r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(.*_)?(actual_q|joint|position|q)_?\[?\d\]?")
-TIME = re.compile(r"(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
+TIME = re.compile(r"zeit(_.*)?|(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
 COUNTER = re.compile(r"(.*_)?(packet_?counter|counter|sequence|seq)")
 RATE = re.compile(r"(?:rate|frequency)\D{1,20}?(\d+\.?\d*)", re.I)
 """Words of programs on the sample rate, above a table."""
@@ -52,6 +59,8 @@ EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 """Least count since 1970 in each unit."""
 SLOWEST, FASTEST = 5.0, 20_000.0
 """Sample rates of load cells and IMUs [Hz]."""
+FARTHEST = 20.0
+"""Position that no arm reaches [m]: a larger number is in millimetres."""
 GRAVITY = 9.81
 TURNING = 20.0
 """Angular velocity that no rig of this kind reaches [rad/s]."""
@@ -163,9 +172,28 @@ class _Guess:
                 named = dict(zip("wxyz", columns, strict=True))
                 order = "" if self.layout.named else ", a guess: w last, which inertia inspect judges"
                 yield _line(signal, named, f"{self.why}{order}; from the body's frame to one at rest, z up")
+            elif signal in ("euler", "rotation_vector"):
+                yield _line(signal, columns, f"{self.why}; from the body's frame to one at rest, z up")
+                yield from self._angles(signal)
+            elif signal == "position":
+                yield _line(signal, columns, self.why)
+                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self.table.numbers(signal))))
+                why = "as the table states" if stated else f"a guess by their size, {largest:.4g} at most"
+                yield _line("position_unit", stated or ("mm" if largest > FARTHEST else "m"), why)
             else:
                 more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
                 yield _line(signal, columns, f"{self.why}{more}")
+
+    def _angles(self, signal: str) -> Iterator[str]:
+        """Return the lines of what angles mean."""
+        values = self.table.numbers(signal)
+        named = "deg" if any(self.plain[place].endswith("deg") for place in self.signals[signal]) else ""
+        largest = float(np.nanmax(np.abs(values)))
+        unit = named or ("deg" if largest > 2 * np.pi else "rad")
+        if signal == "euler":
+            yield _line("euler_convention", "rpy", "a guess by their names; inertia inspect judges it by the weight")
+        yield _line("angle_unit", unit, "by its name" if named else f"a guess by their size, {largest:.4g} at most")
+        yield _line("takes", "sensor_to_level", "a guess; inertia inspect detects the other way")
 
     def units(self) -> Iterator[str]:
         """Return the lines of the units of the table's signals."""
@@ -209,7 +237,7 @@ class _Guess:
         groups: dict[tuple[str, str], dict[str, int]] = {}
         for place, name in enumerate(self.plain):
             for signal, words in AXES.items():
-                match = re.fullmatch(rf"(?P<before>(?:.*_)?(?:{words}))_?(?P<axis>[xyz])", name)
+                match = re.fullmatch(rf"(?P<before>(?:.*_)?(?:{words}))_?(?P<axis>[xyz])(?:_\d+)?", name)
                 if match and not UNLIKELY.search(name):
                     groups.setdefault((signal, match["before"]), {}).setdefault(match["axis"], place)
                     break
@@ -219,7 +247,17 @@ class _Guess:
                     self.others.setdefault(signal, before)
                 else:
                     self.signals[signal] = [axes[axis] for axis in "xyz"]
+        if self.signals.keys().isdisjoint(WRENCH) and len(six := self._matched(SIX, "place")) == 6:
+            self.signals |= {"force": six[:3], "moment": six[3:]}
         self._attitude()
+
+    def _matched(self, pattern: re.Pattern[str], *groups: str) -> list[int]:
+        """Places of the columns whose names a pattern knows, in the order of what its group names."""
+        places: dict[str, int] = {}
+        for place, name in enumerate(self.plain):
+            if (match := pattern.fullmatch(name)) and not UNLIKELY.search(name):
+                places.setdefault(next(filter(None, map(match.group, groups))), place)
+        return [places[key] for key in sorted(places)]
 
     def _attitude(self) -> None:
         """A quaternion; where there is neither this nor a gyro, joints."""
@@ -228,6 +266,13 @@ class _Guess:
             self.signals.pop("acceleration", None)
         if set(components) == set("wxyz"):
             self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
+        elif len(angles := self._matched(EULER, "axis")) == 3:
+            self.signals["euler"] = [angles[1], angles[0], angles[2]]  # sorted: pitch, roll, yaw
+        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "n")) == 3:
+            self.signals["rotation_vector"] = vector
+        turned = self.signals.keys() & {"quaternion", "euler", "rotation_vector"}
+        if turned and "angular_velocity" not in self.signals and len(at := self._matched(POSITION, "axis", "n")) == 3:
+            self.signals["position"] = at
         if not self.signals.keys().isdisjoint(MOTIONS):
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):

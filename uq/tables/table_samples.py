@@ -34,6 +34,8 @@ COUNTS = re.compile(r"(Force|Torque) Units:\s*([^,\s]+)\s*,\s*Counts per Unit (?
 """Line of ATI's software above a table of counts: the unit, and how many counts it is."""
 ATI_TIME = "%m/%d/%Y %I:%M:%S.%f %p"
 """Times as that software writes them; without their form each would be parsed by itself, in a minute for a million."""
+DURATION = re.compile(r"\s*[-+]?[\d.]+\s*(days?|hours?|hr|min|sec|s|ms|us)\b")
+"""Beginning of a time since the start with its unit, as MATLAB and pandas write durations."""
 SIGNALS = {"Force": "force", "Torque": "moment"}
 
 
@@ -205,6 +207,10 @@ def _dates(cells: "pd.Series", name: str, first: int) -> "pd.Series":
     import pandas as pd
     from pandas.tseries.api import guess_datetime_format
 
+    if DURATION.match(str(cells.dropna().iloc[0])):
+        since = pd.to_timedelta(cells, errors="coerce")
+        if since.notna().sum() == cells.notna().sum():
+            return since.dt.as_unit("ns").astype("int64").where(since.notna())
     guess = guess_datetime_format(str(cells.dropna().iloc[0]))
     for form in filter(None, ("ISO8601", ATI_TIME, guess, "mixed")):
         try:

@@ -41,6 +41,11 @@ def layouts(v):
         "labview": table(plain, [*NAMES, "Comment"], delimiter="\t", decimal=",", above=labview),
         "excel": table(plain, delimiter=";", decimal=",", encoding="utf-8-sig"),
         "dates": table([[date, *row[1:]] for date, row in zip(DATES, plain, strict=True)]),
+        "durations": table([[f"{t:.6g} sec", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "days": table([[f"0 days 00:00:{t:09.6f}", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "numbered_sensor": table(plain, ["time", *(f"{name}_1" for name in NAMES[1:7]), *NAMES[7:]]),
+        "six_of_a_robot": table(plain, ["timestamp", *(f"ft_raw_wrench_{k}" for k in range(6)), *NAMES[7:]]),
+        "catman": table(plain, ["Zeit  1 - Standardmessrate [s]", *NAMES[1:]]),
         "latin1": table([[*row, 21.5] for row in plain], [*NAMES, "Temp °C"], encoding="latin-1"),
         "utf16": table(plain, delimiter="\t", encoding="utf-16")[:-1],  # its logger stopped within a character
         "epoch_ns": table([[1_750_000_000_000_000_123 + round(1e9 * t), *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
