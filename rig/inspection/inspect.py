@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from rig.bags.topics import load
+from rig.bags.topics import NEEDS_WRIST, load
 from rig.channels import ImuChannel, counted_together, halves
 from rig.exceptions import on_one_line
 from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
@@ -101,8 +101,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         text = f"{contents.rest} bytes after its end, which are not read: copy the file again"
         report.findings.append(TopicFinding("rest", report.file, text))
     report.findings += [
-        TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
-        for kinds in (WRENCHES, MOTIONS)
+        TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: {cure}")
+        for kinds, cure in ((WRENCHES, NEEDS_WRIST), (MOTIONS, "a run needs one topic of it"))
         if not held & set(kinds)
     ]
     return report

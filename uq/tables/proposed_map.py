@@ -14,6 +14,7 @@ from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import without_gravity
 from identify.signals.run import RunError
 from rig.atomic_files import replacing
+from rig.bags.topics import NEEDS_WRIST
 from rig.exceptions import RigError, listed, on_one_line
 from uq.experiment.recording_table import UNITS
 from uq.files.csv_columns import CsvTable, read_rows
@@ -118,7 +119,7 @@ def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
     signals_of_tables = {signal for table in tables for signal in table.signals}
     for signals, needed, cure in (
-        (WRENCH, "force and moment", "give the load cell's table as well"),
+        (WRENCH, "force and moment", f"give the load cell's table as well ({NEEDS_WRIST})"),
         (MOTIONS, "motion", "give the IMU's table as well"),
     ):
         if signals_of_tables.isdisjoint(signals):
@@ -247,9 +248,20 @@ class _Guess:
                     self.others.setdefault(signal, before)
                 else:
                     self.signals[signal] = [axes[axis] for axis in "xyz"]
+        for signal in [signal for signal in self.signals if self._constant(signal)]:
+            del self.signals[signal]  # nothing measures it
         if self.signals.keys().isdisjoint(WRENCH) and len(six := self._matched(SIX, "place")) == 6:
             self.signals |= {"force": six[:3], "moment": six[3:]}
         self._attitude()
+
+    def _constant(self, signal: str) -> bool:
+        """Whether columns that are named like a signal never change."""
+        try:
+            values = self.table.numbers(signal)
+        except RunError:
+            return False
+        values = values[np.isfinite(values).all(axis=1)]
+        return len(values) > 1 and not np.ptp(values, axis=0).any()
 
     def _matched(self, pattern: re.Pattern[str], *groups: str) -> list[int]:
         """Places of the columns whose names a pattern knows, in the order of what its group names."""

@@ -1,5 +1,7 @@
 """Every attitude that static poses may have tells the motion of a log, too; a position tells its specific force."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -98,3 +100,31 @@ def test_the_limit_of_the_band_that_is_printed_is_accepted(tmp_path, clean):
             differentiator(draw.normal(size=(400, 4)), rate, "x", band=rate / 3, by_turning=0.2)
         limit = float(str(refused.value).split("at most ")[1].split()[0])
         assert len(differentiator(draw.normal(size=(400, 4)), rate, "x", band=limit, by_turning=0.2))
+
+
+def test_columns_that_never_change_are_no_sensor(tmp_path, clean, capsys):
+    """An exporter fills what nothing measures with zeros: here the accelerometer, then the load cell."""
+    nothing = np.zeros((len(clean.t), 3))
+    for values, signals in (
+        ((clean.omega, nothing, clean.force, clean.moment), ["time", "angular_velocity", "force", "moment"]),
+        ((clean.omega, nothing, nothing, nothing), []),
+    ):
+        head = "t,wx,wy,wz,ax,ay,az,Fx,Fy,Fz,Mx,My,Mz"
+        np.savetxt(tmp_path / "t.csv", np.column_stack([clean.t, *values]), delimiter=",", header=head, comments="")
+        status = main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")])
+        if signals:
+            columns = tomllib.loads((tmp_path / "run.map.toml").read_text())["columns"]
+            assert set(columns) == {*signals, "time_unit"}
+        else:
+            assert status == 2
+            assert "needs a force-torque sensor at the wrist: torques of joints are not used" in capsys.readouterr().err
+
+
+def test_a_recording_without_a_wrench_is_told_what_it_needs(tmp_path, clean, capsys):
+    run = runs.read_any(posed_runs.write(tmp_path / "run", clean, "joints", "mcap"))
+    runs.write(tmp_path / "bare.mcap", imu=run.motion)
+    posed_runs.experiment(tmp_path, "joints")
+    for command in (["inspect"], ["identify", "--experiment", str(tmp_path / "e.toml")]):
+        main([command[0], str(tmp_path / "bare.mcap"), *command[1:]])
+        said = " ".join("".join(capsys.readouterr()).split())
+        assert "needs a force-torque sensor at the wrist: torques of joints are not used" in said
