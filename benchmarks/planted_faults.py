@@ -165,8 +165,6 @@ FAULTS = (
           ("(MILLIMETRE * body.r_cg, quaternion)", "(body.r_cg, quaternion)")),
     fault("principal_slope", "missing factor of a product in a principal moment's derivative", "design",
           ("return np.array([x * x, 2 * x * y, 2 * x * z, y * y,", "return np.array([x * x, x * y, 2 * x * z, y * y,")),
-    fault("plan_lag", "sign of the lag's column in the fit of a plan", "achieved achieved_motion",
-          ("np.stack([plan[:, k], -slope[:, k],", "np.stack([plan[:, k], slope[:, k],")),
     fault("guard_band", "skipped: the guard band of an acceptance", "certificate_figures certificate certificate_page",
           ("if low + guard <= value <= high - guard:", "if low <= value <= high:")),
     fault("exit_status", "a mistake on the command line ends with status 1", "commands campaign_command",

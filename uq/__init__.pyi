@@ -34,7 +34,6 @@ from .sensitivity.sobol_shapley import sobol as sobol
 from .sensitivity.source_budget import budget as budget
 from .sources.distributions import Normal as Normal
 from .sources.distributions import Rectangular as Rectangular
-from .tracking.achieved_motion import achieved as achieved
 
 # isort: split
 # Until 0.3: names of version 0.1, whose place is their room.

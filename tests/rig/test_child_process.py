@@ -97,7 +97,6 @@ STARTERS = {
 """What starts a process, by module."""
 STARTED = {
     ("rig/child_process.py", "subprocess.Popen"),  # the working folder is no place for its code
-    ("uq/terminal/watchdog.py", "os.fork"),  # the same program goes on: nothing is looked for
 }
 
 

@@ -1,4 +1,4 @@
-"""``inertia design``: the best trajectory that a platform can run, and what a platform really ran."""
+"""``inertia design``: the best trajectory that a platform can run."""
 
 import argparse
 from pathlib import Path
@@ -14,10 +14,6 @@ from uq.terminal.common import finish, output_folder, start_jax
 from uq.terminal.options import positive_quantity, whole_number
 from uq.terminal.sources import add_without_option, shares_named
 from uq.terminal.terminal_bar import TerminalBar
-from uq.tracking.achieved_motion import achieved
-
-OF_A_RUN = ("achieved", "trajectory", "experiment", "without", "out", "by_itself")
-"""Arguments that say something of a run that is there already; all others are of a design."""
 
 
 def configure(parser: CommandParser) -> None:
@@ -44,8 +40,6 @@ def configure(parser: CommandParser) -> None:
     parser.value("--rehearsal", "PART", "export the motion at this part of its speed, too, such as 0.5", type=float)
     parser.value("--rehearsal-amplitude", "PART", "part of the amplitude in the rehearsal (1)", type=float)
     add_without_option(parser)
-    parser.value("--achieved", "RUN.mcap", "compare a recorded run with its plan, design nothing")
-    parser.value("--trajectory", "NAME", "with --achieved: the plan (designed, or the first)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -62,11 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
     start_jax()
     experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
-        if arguments.achieved is not None:
-            if experiment.arm is not None:
-                raise ExperimentError("--achieved looks at runs of a platform on six legs, not of an arm")
-            finish(achieved(experiment, arguments.achieved, arguments.trajectory), out)
-            return 0
         if experiment.arm is not None:
             _design_arm(arguments, experiment, given, out)
             return 0
@@ -99,11 +88,6 @@ def _design_arm(arguments: argparse.Namespace, experiment: Experiment, given: di
 
 def _check(arguments: argparse.Namespace) -> None:
     """Refuse options that cannot be before anything is computed."""
-    of_design = _given(arguments, *(name for name in vars(arguments) if name not in OF_A_RUN))
-    if arguments.achieved is not None and of_design:
-        raise ExperimentError(f"{of_design[0]} designs a motion, --achieved looks at one: leave one out")
-    if arguments.achieved is None and arguments.trajectory is not None:
-        raise ExperimentError("--trajectory names the plan of a recorded run: add --achieved, or use --reference")
     for option in _given(arguments, "rehearsal", "rehearsal_amplitude"):
         fraction = getattr(arguments, option[2:].replace("-", "_"))
         if not 0 < fraction <= 1:

@@ -20,9 +20,8 @@ from uq.files.mistakes import MISTAKES
 from uq.terminal.command_parser import CommandParser, complain
 from uq.terminal.interrupt import STATUS as INTERRUPTED
 from uq.terminal.interrupt import Interrupt, leave
-from uq.terminal.standard_streams import ShownText, open_closed_streams, shown_streams
+from uq.terminal.standard_streams import open_closed_streams, shown_streams
 from uq.terminal.terminal_bar import ReadingBar
-from uq.terminal.watchdog import divide
 
 COMMANDS = {
     "paper": "reproduce the paper's Table 2 and figures, beside its printed values",
@@ -139,11 +138,6 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
     if refusal := _refusal(name, rest):
         complain(refusal)
         return 2
-    if "--distributed" in rest and by_itself:
-        status = divide()
-        if status is not None:
-            return status
-        sys.stderr = ShownText(sys.stderr)  # divided, it is another one
     notation: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
     if "--concise" in rest:
         rest.remove("--concise")

@@ -32,10 +32,6 @@ def configure(parser: CommandParser) -> None:
         "--until", '"5 g*m^2"',
         text="with --identify: end when half the interval of 95 %% of every component is no more than this",
     )  # fmt: skip
-    parser.value(
-        "--live", "PORT", nargs="?", type=int, const=8765,
-        text="with --identify: show samples and estimate in Foxglove, at ws://127.0.0.1:PORT (8765)",
-    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -74,8 +70,6 @@ def _target(arguments: argparse.Namespace) -> float | None:
     """Return the target that ``--until`` states [kg·m²]."""
     if arguments.identify is not None and arguments.watch:
         raise RigError("--identify reads the file, and --watch writes none: leave one of them out")
-    if arguments.live is not None and (arguments.identify is None or not 0 <= arguments.live < 2**16):
-        raise RigError("--live needs --identify E.toml, and a port from 0 (any) to 65535")
     if arguments.until is None:
         return None
     if arguments.identify is None:
@@ -153,10 +147,7 @@ def _beside(
         return
     from uq.live.second_process import SecondProcess
 
-    process = SecondProcess(
-        rig=arguments.rig, experiment=arguments.identify, run=str(path), target=target, reached=reached,
-        live=arguments.live,
-    )  # fmt: skip
+    process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached)
     try:
         yield process
     finally:

@@ -32,7 +32,6 @@ def main(arguments: list[str]) -> int:
     for name in ("rig", "experiment", "run"):
         parser.add_argument(name)
     parser.add_argument("--target", type=float, help="half the interval of 95 %% [kg*m^2]")
-    parser.add_argument("--live", type=int, metavar="PORT", help="serve a viewer")
     given = parser.parse_args(arguments)
     import jax
 
@@ -40,21 +39,17 @@ def main(arguments: list[str]) -> int:
     from uq.files.compilation_cache import keep_compiled
     from uq.files.mistakes import MISTAKES
     from uq.live.estimator import LiveEstimator
-    from uq.live.foxglove_server import Viewer
 
     keep_compiled()
     try:
-        viewer = None if given.live is None else Viewer(given.live)
-        estimator = LiveEstimator(
-            rig=given.rig, experiment=given.experiment, run=given.run, target=given.target, viewer=viewer
-        )
+        estimator = LiveEstimator(given.rig, given.experiment, given.run, given.target)
     except MISTAKES as error:
         _say({"refused": str(error)})
         return 2
     except OSError as error:
         _say({"refused": f"{error.strerror or error} {error.filename}: check the path and its permissions"})
         return 2
-    _say({"ready": "" if viewer is None else viewer.address})
+    _say({"ready": True})
     while not estimator.ended:
         time.sleep(PAUSE)
         estimate = estimator.step()

@@ -18,7 +18,6 @@ from rig.record.rig_file import Rig, load_rig
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.identification.systematic_errors import nodes_of
 from uq.live.estimate_lines import block_of, line_of
-from uq.live.foxglove_server import Viewer
 from uq.live.growing_run import GrowingRun
 from uq.live.live_estimate import LiveEstimate, estimated, sources_in
 from uq.live.running_sums import RunningSums
@@ -41,7 +40,6 @@ class LiveEstimator:
         experiment: str | Path,
         run: str | Path,
         target: float | None = None,
-        viewer: Viewer | None = None,
     ) -> None:
         """Check that experiment and rig fit together; the run's file may not exist yet.
 
@@ -50,7 +48,6 @@ class LiveEstimator:
             experiment: the experiment file, or the name of a preset.
             run: the file that the recording grows in.
             target: half the interval of 95 % that every component is to have at most [kg·m²]; None: none.
-            viewer: who gets samples and estimates, too; None: nobody.
 
         Raises:
             ExperimentError, RigError, RunError: one of the files cannot be used, or they contradict each other.
@@ -60,8 +57,7 @@ class LiveEstimator:
         self._experiment.stated_r_cg  # noqa: B018 - says at once where there is none
         topics = topics_of(load_rig(rig), self._experiment, Path(run))
         nodes = nodes_of(sources_in(self._experiment))
-        self._viewer, pass_on = viewer, None if viewer is None else viewer.pass_on
-        self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]}, pass_on=pass_on)
+        self._file = GrowingFile(run, {WRENCH: topics[0], IMU: topics[1]})
         delay = float(abs(nodes).max())
         gravity = self._experiment.gravity
         self._run = GrowingRun(Path(run), self._experiment.recording, estimator, topics, gravity=gravity, delay=delay)
@@ -98,8 +94,6 @@ class LiveEstimator:
         estimate = estimated(self._sums, self._experiment)
         below = self._target is not None and bool((estimate.half_width <= self._target).all())
         self._in_a_row = self._in_a_row + 1 if below else 0
-        if self._viewer is not None:
-            self._viewer.show(estimate, line_of(estimate, self._target))
         return estimate
 
     def warnings(self) -> list[str]:

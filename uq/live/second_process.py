@@ -6,7 +6,6 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import IO, Any
 
 from rig.child_process import start_module
@@ -14,7 +13,6 @@ from rig.exceptions import RigError, on_one_line
 
 PATIENCE = 5.0
 """Seconds that the process may take to end."""
-LAYOUT = Path(__file__).with_name("foxglove_layout.json")
 PERIOD = 10.0
 """Seconds of motion between two lines where there is no terminal, at first; later a tenth more each time."""
 
@@ -28,15 +26,7 @@ class SecondProcess:
         target_reached: whether the estimate has reached the target.
     """
 
-    def __init__(
-        self,
-        rig: str,
-        experiment: str,
-        run: str,
-        target: float | None,
-        reached: Callable[[], None],
-        live: int | None = None,
-    ) -> None:
+    def __init__(self, rig: str, experiment: str, run: str, target: float | None, reached: Callable[[], None]) -> None:
         """Start it and wait until it is ready, before anything is recorded.
 
         Args:
@@ -45,7 +35,6 @@ class SecondProcess:
             run: the file that the recording will grow in.
             target: half the interval of 95 % that every component is to have at most [kg·m²]; None: none.
             reached: called when it is.
-            live: port on which a viewer is served; None: none.
 
         Raises:
             RigError: rig and experiment do not fit together, or the process does not start.
@@ -53,8 +42,7 @@ class SecondProcess:
         self.block: list[str] = []
         self.messages: deque[str] = deque()
         self._end, self.target_reached, self._over, self._line, self._next = reached, False, False, "", 0.0
-        options = {"--target": target, "--live": live}
-        given = [f"{name}={value!r}" for name, value in options.items() if value is not None]
+        given = [] if target is None else [f"--target={target!r}"]
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by close
         self._process = start_module(
             "uq.live", *given, "--", rig, experiment, run,
@@ -65,8 +53,6 @@ class SecondProcess:
         if "ready" not in first:
             self.close()
             raise RigError(str(first.get("refused", "the process for --identify did not start")))
-        if first["ready"]:
-            self.messages.append(f"live at {first['ready']} for Foxglove; layout {LAYOUT}")
         self._thread.start()
 
     @property

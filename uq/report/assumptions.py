@@ -16,7 +16,6 @@ DISTRIBUTIONS = {
     "Triangular": "triangular",
     "UShaped": "arcsine",
     "StudentT": "Student's t",
-    "CurvilinearTrapezoid": "rectangular between uncertain limits",
     "Empirical": "from samples",
 }
 """Words for distributions by their class; all but the normal."""

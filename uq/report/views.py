@@ -33,7 +33,6 @@ VIEWS = {
     "uq.sensitivity.budget_shares.BudgetResult": f"{TABLES}.budget",
     "uq.sensitivity.budget_shares.SourceBudget": f"{TABLES}.budget:pair",
     "uq.sensitivity.sobol_shapley.Sensitivity": f"{TABLES}.measurands:sensitivity",
-    "uq.tracking.achieved_motion.Achieved": f"{TABLES}.achieved",
 }
 
 register(VIEWS)

@@ -194,35 +194,6 @@ class StudentT(Distribution):
         return mean + scale * jnp.sqrt(square) * jnp.cos(2 * np.pi * second)
 
 
-class CurvilinearTrapezoid(Bounded):
-    """Rectangular between limits that are themselves known within ± ``limit_half_width`` (JCGM 101, 6.4.3)."""
-
-    uniforms: ClassVar[int] = 2
-    limit_half_width: Value
-    degrees_of_freedom: Value = np.inf
-
-    def __post_init__(self) -> None:
-        super().__post_init__()  # first: the half-width is compared with limits in order
-        fits = lambda d: (d >= 0) & (2 * d <= np.subtract(self.high, self.low))  # noqa: E731
-        _require("limit_half_width", "between zero and half of high - low", self.limit_half_width, fits)
-
-    @property
-    def standard_deviation(self) -> Value:
-        """Standard deviation ``√((b - a)²/12 + d²/9)`` of the distribution."""
-        return ((self.high - self.low) ** 2 / 12 + self.limit_half_width**2 / 9) ** 0.5
-
-    @property
-    def excess_kurtosis(self) -> Value:
-        """Excess kurtosis with a half-width rectangular in w ± d: ``(w⁴ + 2 w² d² + d⁴/5)/5`` over σ⁴, less 3."""
-        w, d = (self.high - self.low) / 2, self.limit_half_width
-        return (w**4 + 2 * w**2 * d**2 + d**4 / 5) / 5 / self.standard_deviation**4 - 3
-
-    def _transformed(self, uniform: Array) -> Array:
-        limits, inside = uniform
-        half = _located((self.high - self.low) / 2, self.limit_half_width, 1 - 2 * limits)
-        return _located(self.mean, half, 2 * inside - 1)
-
-
 class Empirical(Distribution):
     """A finite set of equally likely values; or of rows of values that belong together, shape (n, k)."""
 
@@ -276,36 +247,6 @@ class Empirical(Distribution):
         """Return the values, or rows, in order of their place in the set."""
         place = jnp.floor(point * len(self.samples)).astype(int)
         return jnp.asarray(self.samples, point.dtype)[place].reshape(shape)
-
-
-class MultivariateNormal(Distribution):
-    """Jointly Gaussian values (JCGM 101, 6.4.8)."""
-
-    mean: Float[Array | np.ndarray, " k"]
-    covariance: Float[Array | np.ndarray, "k k"]
-    degrees_of_freedom: Value = np.inf
-
-    def __post_init__(self) -> None:
-        wrong = "symmetric without a negative eigenvalue"
-        _require("covariance", wrong, self.covariance, lambda c: np.isclose(c, c.T, rtol=1e-9, atol=0))
-        _require("covariance", wrong, self.covariance, lambda c: np.linalg.eigvalsh(c) >= -1e-9 * np.trace(c))
-
-    @property
-    def standard_deviation(self) -> Value:
-        """Standard deviation of each value."""
-        return jnp.sqrt(jnp.diag(jnp.asarray(self.covariance)))
-
-    def at(self, point: Array, shape: tuple[int, ...] = ()) -> Array:
-        """Return the values of the quantiles of these probabilities along the principal axes.
-
-        ``shape`` ends with the number of values.
-        """
-        standard, root = jax.scipy.special.ndtri(point.reshape(shape)), self._root().astype(point.dtype)
-        return _over(self.mean, shape, point.dtype) + standard @ root.T
-
-    def _root(self) -> Array:
-        strength, axes = jnp.linalg.eigh(jnp.asarray(self.covariance))
-        return axes * jnp.sqrt(jnp.maximum(strength, 0))[None]
 
 
 def random_point(key: Key[Array, ""], coordinates: int, dtype: Any) -> Float[Array, " coordinates"]:

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,9 +13,12 @@ from uq.files.mistakes import MISTAKES, ExperimentError
 from uq.terminal.command_parser import CommandParser
 from uq.terminal.options import whole_number
 from uq.terminal.terminal_bar import say
-from uq.terminal.watchdog import LOST, patient, say_met
 from uq.trials import joined_processes as cluster
 from uq.trials.checkpoint import Checkpoint
+
+LOST = 3
+"""Exit status when another process of a campaign is gone."""
+ALONE = "the other processes did not join in time: start all of them, or allow more time with --patience"
 
 
 def add_cluster_options(parser: CommandParser) -> None:
@@ -52,9 +56,11 @@ def together(arguments: argparse.Namespace) -> Iterator[bool]:
     patience = cluster.PATIENCE if arguments.patience is None else arguments.patience
     if patience < 1:
         raise ExperimentError(f"--patience is {patience}: give a second or more")
-    with patient(patience):
-        cluster.join(arguments.coordinator, arguments.processes, arguments.process, patience)
-    say_met()
+    timer = threading.Timer(patience, _end, [ExperimentError(ALONE)])
+    timer.daemon = True
+    timer.start()  # at twice the time JAX's runtime would abort this process with a page of its own
+    cluster.join(arguments.coordinator, arguments.processes, arguments.process, patience)
+    timer.cancel()
     try:
         yield cluster.is_first()
     except BaseException as error:

@@ -308,7 +308,6 @@ def test_the_command_asks_for_what_it_was_told(ran):
         (["--period", "0 s"], "--period is '0 s': give a value above zero"),
         (["--period", "10 ms"], "period is 0.01 s: give 2 / bandwidth or more"),
         (["--period", "100 s"], "motions of period 100 s take 400 s or more"),
-        (["--achieved", "run.mcap", "--period", "5 s"], "--period designs a motion"),
         (["--target", "1 N"], "--target is '1 N': write a unit of the same dimension as kg*m^2"),
         (["--poses", "2"], "--poses is 2: ask for three or more"),
         (["--poses", "few"], "'few' is not a whole number"),
@@ -316,10 +315,6 @@ def test_the_command_asks_for_what_it_was_told(ran):
         (["--goal", "everything"], "unknown goal"),
         (["--objective", "bias"], "unknown objective 'bias': choose one of rms, 3sigma"),
         (["--reference", "T9"], "unknown trajectory 'T9'"),
-        (["--trajectory", "T1"], "--trajectory names the plan of a recorded run"),
-        (["--achieved", "run.mcap", "--goal", "moments"], "--goal designs a motion"),
-        (["--achieved", "missing.mcap"], "missing.mcap"),
-        (["--achieved", "missing.mcap", "--trajectory", "T9"], "unknown trajectory 'T9'"),
     ],
 )
 def test_bad_options(preset, tmp_path, capsys, options, message):

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.helpers.jcgm_distributions import CurvilinearTrapezoid, MultivariateNormal
 from uq.coverage.adaptive_procedure import numerical_tolerance
 from uq.coverage.coverage_intervals import validate
 from uq.coverage.coverage_regions import ellipsoidal_region
 from uq.propagation.law_of_propagation import propagate
 from uq.propagation.propagation_of_distributions import propagate_distributions
-from uq.sources.distributions import CurvilinearTrapezoid, MultivariateNormal, Normal, Rectangular, StudentT, UShaped
+from uq.sources.distributions import Normal, Rectangular, StudentT, UShaped
 
 ROOT3 = 3**0.5
 

@@ -19,6 +19,7 @@ from identify.signals.resample import UniformSpline
 from identify.signals.run import RunError
 from identify.static.centre_result import Centre
 from tests.helpers import joint_studies
+from tests.helpers.experiment_bound import bound as uq_bound
 from tests.helpers.joint_lab import BAND, shortened
 from tests.helpers.recordings import silenced
 from uq.campaign.simulation import simulate
@@ -28,7 +29,6 @@ from uq.experiment.recording_table import RecordingTable
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
 from uq.identification.identify_files import identify_files
-from uq.planning.experiment_bound import bound as uq_bound
 from uq.recorded.time_window import TimeWindow
 from uq.sources.source import Source
 

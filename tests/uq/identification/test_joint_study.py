@@ -6,8 +6,8 @@ import pytest
 from identify.joint.joint_model import SLICES
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.helpers import joint_studies as studies
+from tests.helpers.experiment_bound import bound
 from tests.helpers.joint_lab import BAND, SIGMA_MASS, shortened
-from uq.planning.experiment_bound import bound
 
 TRIALS = 4_000
 PAIRED = 200

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from tests.helpers.jcgm_distributions import MultivariateNormal
 from uq.propagation.law_of_propagation import propagate
-from uq.sources.distributions import Empirical, MultivariateNormal, Rectangular, StudentT
+from uq.sources.distributions import Empirical, Rectangular, StudentT
 
 
 class Given(NamedTuple):

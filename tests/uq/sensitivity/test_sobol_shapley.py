@@ -11,10 +11,11 @@ from SALib.analyze import sobol as salib_sobol
 from SALib.sample import sobol as salib_sample
 
 import uq.sensitivity.sobol_shapley
+from tests.helpers.jcgm_distributions import MultivariateNormal
 from uq.report.tables.measurands import sensitivity_tables
 from uq.sensitivity.sobol_shapley import shapley, sobol
 from uq.sensitivity.subsets import effects_of_costs, effects_of_swaps, walsh
-from uq.sources.distributions import MultivariateNormal, Normal, Rectangular, UShaped
+from uq.sources.distributions import Normal, Rectangular, UShaped
 
 # --- models with closed forms ---
 

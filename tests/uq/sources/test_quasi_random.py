@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy import stats
 
-from uq.sources.distributions import MultivariateNormal, Normal, Triangular
+from tests.helpers.jcgm_distributions import MultivariateNormal
+from uq.sources.distributions import Normal, Triangular
 from uq.sources.quasi_random import (
     BITS,
     REPLICATES,

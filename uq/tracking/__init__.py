@@ -1,1 +1,0 @@
-"""The motion that a platform really ran, beside its plan."""
