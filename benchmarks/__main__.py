@@ -12,7 +12,7 @@ import jax  # noqa: E402
 jax.config.update("jax_enable_x64", True)
 
 from benchmarks.contenders import LABELS, TRAJECTORIES, contenders, engines  # noqa: E402
-from identify.text_tables import text_table  # noqa: E402
+from identify.display.text_tables import text_table  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 
 TRIALS = {"loop": 2, "sums": 20_000, "numpy sums": 10_000}

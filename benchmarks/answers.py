@@ -21,9 +21,9 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from identify.text_tables import text_table  # noqa: E402
-from uq.campaign.simulation import simulate  # noqa: E402
+from identify.display.text_tables import text_table  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
+from uq.monte_carlo.campaign.simulation import simulate  # noqa: E402
 
 HERE = Path(__file__).parents[1]
 REFERENCE = ["-c", "import jax, jax.numpy as n; n.ones(3) + 1"]

@@ -8,12 +8,12 @@ import jax
 import numpy as np
 
 from benchmarks import reference, sums_in_numpy, vectorised
-from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import prepare_engine
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.cases import cases_of
-from uq.trials.chooser import EngineName
-from uq.trials.engine import Engine
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.trial_setup import prepare_engine
+from uq.monte_carlo.gram_sums.cases import cases_of
+from uq.monte_carlo.trials.chooser import EngineName
+from uq.monte_carlo.trials.engine import Engine
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 LABELS = {

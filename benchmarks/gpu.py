@@ -12,7 +12,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from benchmarks.contenders import TRAJECTORIES, engines, trials_of  # noqa: E402
-from identify.text_tables import text_table  # noqa: E402
+from identify.display.text_tables import text_table  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
 
 SAMPLES, TRIALS = 72_000, 10_000

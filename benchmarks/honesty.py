@@ -33,8 +33,8 @@ from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, write
 from tests.helpers.troubles import TROUBLES
 from uq.experiment.experiment import Experiment
-from uq.identification.identify_files import identify_files
-from uq.recorded.load_run import load_run
+from uq.runs.identification.identify_files import identify_files
+from uq.runs.recorded.load_run import load_run
 
 CLEAN = "nothing wrong"
 UNDECLARED = ", conventional bound"

@@ -15,16 +15,16 @@ import numpy as np
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from rig.bags.growing_file import GrowingFile
 from rig.mcap.message_definitions import IMU, WRENCH
-from uq.campaign.simulation import simulate
+from uq.cli.terminal.common import start_jax
 from uq.experiment.experiment import Experiment
-from uq.identification.systematic_errors import nodes_of
-from uq.live import live_estimate
-from uq.live.growing_run import GrowingRun
-from uq.live.live_estimate import estimated, sources_in
-from uq.live.running_sums import RunningSums
-from uq.planning.required_duration import growth_of, lasting, required_duration
-from uq.recorded.time_window import TimeWindow
-from uq.terminal.common import start_jax
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.plan.measurement.required_duration import growth_of, lasting, required_duration
+from uq.runs.identification.systematic_errors import nodes_of
+from uq.runs.live import live_estimate
+from uq.runs.live.growing_run import GrowingRun
+from uq.runs.live.live_estimate import estimated, sources_in
+from uq.runs.live.running_sums import RunningSums
+from uq.runs.recorded.time_window import TimeWindow
 
 EXPERIMENT = Path(__file__).parent.parent / "uq" / "examples" / "t1-10s.toml"
 TARGET = 2.5e-3
@@ -83,7 +83,7 @@ def main() -> None:
 
 
 def _identified(experiment: Experiment, path: Path, seconds: float) -> float:
-    from uq.identification.identify_files import identify_files
+    from uq.runs.identification.identify_files import identify_files
 
     result = identify_files([path], experiment, windows=[TimeWindow(0.0, seconds)])
     return float(np.diff(result.interval95, axis=1).max() / 2 / TARGET)

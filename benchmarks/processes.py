@@ -17,10 +17,10 @@ TRIALS = 100
 def worker(core: int, port: int, processes: int, process: int) -> None:
     """Run the campaign as one of the processes; the first prints the seconds."""
     os.sched_setaffinity(0, {core})
-    from uq.campaign.campaign import SamplingPlan, montecarlo
+    from uq.cli.terminal.common import start_jax
     from uq.experiment.experiment import Experiment
-    from uq.terminal.common import start_jax
-    from uq.trials import joined_processes as cluster
+    from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
+    from uq.monte_carlo.trials import joined_processes as cluster
 
     start_jax()
     if processes > 1:

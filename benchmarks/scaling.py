@@ -18,10 +18,10 @@ import jax
 import numpy as np
 
 from benchmarks.contenders import trials_of
-from identify.text_tables import text_table
-from uq.campaign.campaign import RunOptions, SamplingPlan, montecarlo
-from uq.campaign.trial_setup import prepare_engine
+from identify.display.text_tables import text_table
 from uq.experiment.experiment import Experiment, TrajectorySpec
+from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.trial_setup import prepare_engine
 
 TRIALS, SAMPLES = (1_000, 10_000, 100_000, 1_000_000), (4_000, 20_000, 72_000, 400_000, 2_000_000)
 RATE = 400

@@ -17,7 +17,7 @@ from sphinx.ext.napoleon.docstring import GoogleDocstring
 
 from uq.cli import main
 from uq.cli.schema import file_schema
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 FILES = {
     "experiment": "an experiment file",

@@ -1,8 +1,10 @@
-from .estimators.gram import ordinary_least_squares as ordinary_least_squares
+from .display.rounding import concise as concise
+from .estimation.joint.cramer_rao_bound import bound as bound
+from .estimation.joint.priors import Alignment as Alignment
+from .estimation.static_poses.centre_result import Centre as Centre
 from .exceptions import RunError as RunError
 from .identification import identify as identify
-from .joint.cramer_rao_bound import bound as bound
-from .joint.priors import Alignment as Alignment
+from .least_squares.gram import ordinary_least_squares as ordinary_least_squares
 from .results.identification_result import Identification as Identification
 from .results.weak_components import within_bodies as within_bodies
 from .rigid_body.inertia import COMPONENTS as COMPONENTS
@@ -20,10 +22,8 @@ from .rigid_body.pseudo_inertia import pseudo_inertia as pseudo_inertia
 from .rigid_body.regressor import omega_r as omega_r
 from .rigid_body.regressor import pi as pi
 from .rigid_body.regressor import wrench_regressor as wrench_regressor
-from .rounding import concise as concise
 from .signals.estimator_spec import EstimatorSpec as EstimatorSpec
 from .signals.run import Run as Run
-from .static.centre_result import Centre as Centre
 
 # isort: split
 # Until 0.3: names of version 0.1, whose place is their room.

@@ -7,20 +7,20 @@ from typing import get_args
 import numpy as np
 
 from identify.choices import CgMotion, OffsetChoice
-from identify.estimators.pooling import RUNS_SCATTER
+from identify.estimation.joint.priors import Alignment, ConstantError
+from identify.estimation.methods import names
+from identify.estimation.methods.base import Problem, estimator_of
+from identify.estimation.static_poses.centre_result import Centre
 from identify.exceptions import RunError, explains_names
-from identify.joint.priors import Alignment, ConstantError
 from identify.judge.held_out import held_out
 from identify.judge.judged_result import judged
-from identify.methods import names
-from identify.methods.base import Problem, estimator_of
+from identify.least_squares.pooling import RUNS_SCATTER
 from identify.results.covariances import check_covariances
 from identify.results.discordance import misnamed_mountings
 from identify.results.identification_result import Identification
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, numbers
-from identify.static.centre_result import Centre
 
 FARTHEST = 10.0
 """Distance of a centre of gravity from the load cell [m] beyond which it is no body's: it is in millimetres."""
@@ -68,19 +68,19 @@ def identify(
         mass: mass of the body [kg]; with an accelerometer it tells the force's offset.
         centre: mass and centre of gravity from static poses, with their covariance, instead of the three above; the
             joint estimate takes its offsets along.
-        method: the estimator, by the name of its file in :mod:`identify.methods`. ``source``: r_CG as given, ordinary
-            least squares; ``gls``: r_CG as given, generalised least squares by the residuals' covariance across axes
-            and in time; ``joint``: tensor, mass, r_CG, offsets, delay and rotation together, most probable given all
-            that is known before.
+        method: the estimator, by the name of its file in :mod:`identify.estimation.methods`. ``source``: r_CG as given,
+            ordinary least squares; ``gls``: r_CG as given, generalised least squares by the residuals' covariance
+            across axes and in time; ``joint``: tensor, mass, r_CG, offsets, delay and rotation together, most probable
+            given all that is known before.
         alignment: what is known beforehand of delay, rotation and slow errors (``joint``); None: little.
         cg_motion: ``still`` where the motion keeps the centre of gravity still (``joint``); None: not declared, then an
             accelerometer tells the specific force, or nothing does.
         gravity: local gravity [m/s²] (``joint``).
         mass_uncertainty: standard uncertainty of ``mass`` [kg]; None: it counts as exact.
         errors: declared constant errors of load cell, gyro and rig, by the name of their source (``joint``); see
-            :class:`identify.joint.priors.ConstantError`. None: none.
-        drawn_by_mounting: unknowns of :data:`identify.joint.joint_model.SIZES` that are others in each mounting, as
-            ``r_cg`` may be, where the runs name two or more (``joint``).
+            :class:`identify.estimation.joint.priors.ConstantError`. None: none.
+        drawn_by_mounting: unknowns of :data:`identify.estimation.joint.joint_model.SIZES` that are others in each
+            mounting, as ``r_cg`` may be, where the runs name two or more (``joint``).
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
 
     Raises:

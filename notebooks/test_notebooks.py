@@ -27,14 +27,14 @@ SHORTER = {
     r"trials=(\d+)": lambda text: f"trials={min(int(text[1]), 20)}",
     r"starts=\d+, period=2.0, rounds=\d+, steps=\d+": "starts=1, period=2.0, rounds=2, steps=10",
     r"steps=40, random=5": "steps=40, random=1",
-    r"designed = design_arm\(": "from uq.motion_design.arm import arm_design\n"
+    r"designed = design_arm\(": "from uq.plan.motion_design.arm import arm_design\n"
     "arm_design.FREQUENCIES = 1\n"
     "arm_design.searched = lambda search, *_, **__: (arm_design.random_series(search, 1, 1), [])\n"
     "designed = design_arm(",
     r"found = design\(": "from identify.motion.optimiser import Optimum\n"
     "from dataclasses import replace\n"
-    "from uq.motion_design import search\n"
-    "from uq.motion_design.hexapod import design as designs, rig_limits\n"
+    "from uq.plan.motion_design import search\n"
+    "from uq.plan.motion_design.hexapod import design as designs, rig_limits\n"
     "search.minimise = lambda lagrangian, first, **_: Optimum(first, 0.0, 0.0, 0)\n"
     "designs.best_reference = lambda experiment, given, limits, *_: designs.PredictedTrajectory.of(\n"
     "    experiment, replace(given, trajectory=given.trajectory.scaled(0.1)), limits.bandwidth\n)\n"

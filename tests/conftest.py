@@ -140,11 +140,11 @@ def lasting(experiment, seconds):
 @pytest.fixture(scope="module")
 def few_draws():
     """Recorded runs' declared sources by 500 draws, not 10,000: where their statistics are not what is tested."""
-    from uq.identification.systematic_errors import with_declared_sources
+    from uq.runs.identification.systematic_errors import with_declared_sources
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "uq.identification.identify_files.with_declared_sources", partial(with_declared_sources, trials=500)
+            "uq.runs.identification.identify_files.with_declared_sources", partial(with_declared_sources, trials=500)
         )
         yield
 
@@ -153,7 +153,7 @@ def few_draws():
 def undrawn():
     """Recorded runs without draws of their declared sources, which JAX compiles anew for each list of sources."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("uq.identification.identify_files.with_declared_sources", lambda result, *_, **__: result)
+        patch.setattr("uq.runs.identification.identify_files.with_declared_sources", lambda result, *_, **__: result)
         yield
 
 

@@ -30,8 +30,8 @@ GROUPS = {
     "sources": "uq.sources.kinds",
     "devices": "rig.devices",
     "exports": "uq.bodies.export_formats",
-    "motions": "uq.motion_design.motion_formats",
-    "methods": "identify.methods",
+    "motions": "uq.plan.motion_design.motion_formats",
+    "methods": "identify.estimation.methods",
 }
 """Rooms of what the entry points of each group name."""
 NOT_NAMED = {"base", "checksums", "conversation", "parser"}
@@ -135,16 +135,16 @@ from dataclasses import replace
 import jax
 import numpy as np
 
-from identify.joint.priors import ConstantError
+from identify.estimation.joint.priors import ConstantError
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document
 from tests.helpers.laboratory_runs import identified, run_of
 from uq import montecarlo
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.identification.estimated_errors import estimated_errors
-from uq.identification.systematic_errors import with_declared_sources
-from uq.identification.undeclared import with_undeclared
+from uq.runs.identification.estimated_errors import estimated_errors
+from uq.runs.identification.systematic_errors import with_declared_sources
+from uq.runs.identification.undeclared import with_undeclared
 
 jax.config.update("jax_enable_x64", True)
 clean = measure(3, seconds=15.0)

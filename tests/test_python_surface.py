@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import uq
+from identify.estimation.static_poses.centre import centre
 from identify.identification import identify
 from identify.signals.run import Run
-from identify.static.centre import centre
 from tests.helpers.pose_lab import directions, wrench_of
 from tests.helpers.small_campaign import document
 from uq.experiment.experiment import Experiment
-from uq.identification.centre_prior import centre_provenance, load_centre
+from uq.runs.identification.centre_prior import centre_provenance, load_centre
 
 CALLS = {
     'Experiment.load("nope.toml")': "No experiment file, and no preset of the name: 'nope.toml'",

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.studies.plain_regression import beside_plain, coverage_lines
+from identify.motion.serial_arm.payload_information import about_cg, about_q
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from identify.rigid_body.regressor import wrench_regressor
-from identify.serial_arm.payload_information import about_cg, about_q
 from uq.experiment.experiment import Experiment
-from uq.motion_design.arm.arm_design import (
+from uq.plan.motion_design.arm.arm_design import (
     DETERMINANT,
     PERIOD,
     RAMP,
@@ -28,8 +28,8 @@ from uq.motion_design.arm.arm_design import (
     goal_function,
     searched,
 )
-from uq.motion_design.arm.joint_search import Candidate, JointSearch
-from uq.motion_design.arm.mujoco_run import simulated
+from uq.plan.motion_design.arm.joint_search import Candidate, JointSearch
+from uq.plan.motion_design.arm.mujoco_run import simulated
 
 
 def estimates(design: ArmDesign, candidate: Candidate, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

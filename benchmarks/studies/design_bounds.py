@@ -18,8 +18,8 @@ from identify.motion.leg_limits import Limits
 from identify.motion.multisine import Multisine
 from identify.motion.stages import rising
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.motion_design.hexapod.design_bound import DesignBound, design_bound, largest_accelerations, largest_strokes
-from uq.motion_design.hexapod.rig_limits import resolved_limits
+from uq.plan.motion_design.hexapod.design_bound import DesignBound, design_bound, largest_accelerations, largest_strokes
+from uq.plan.motion_design.hexapod.rig_limits import resolved_limits
 
 HARMONICS = 4
 """Most that a motion has which repeats: it does so within less than one more period of the bandwidth."""

@@ -13,23 +13,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from identify.display.reporting import Result
+from identify.display.rounding import fixed, with_uncertainty
+from identify.display.text_tables import Table
 from identify.floating_point import check_precision
 from identify.pytree import Pytree
-from identify.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
-from identify.rounding import fixed, with_uncertainty
-from identify.text_tables import Table
-from uq.campaign.trial_setup import setting_of
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import provenance
-from uq.gram_sums.cases import Case
+from uq.monte_carlo.campaign.trial_setup import setting_of
+from uq.monte_carlo.gram_sums.cases import Case
+from uq.monte_carlo.trials.samples_engine import SamplesEngine, prepare_samples, sampled_trial
+from uq.monte_carlo.trials.trial_loop import all_trials
 from uq.progress_bar import Progress, progress_of
 from uq.sources.draws import draw_constants
 from uq.sources.random_normals import Index
 from uq.sources.source import Source
-from uq.trials.samples_engine import SamplesEngine, prepare_samples, sampled_trial
-from uq.trials.trial_loop import all_trials
 
 TABLE3: Mapping[str, Mapping[str, float]] = {
     "expected": {"I11": 382.89, "I12": 0.0, "I13": 0.0, "I22": 18.72, "I23": 0.0, "I33": 380.66},

@@ -15,14 +15,14 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from identify.display.rounding import significant
 from identify.results.ledger import Undeclared
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import significant
-from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import MISTAKES
-from uq.identification.identify_files import identify_files
-from uq.identification.static_centre import centre_file
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.runs.identification.identify_files import identify_files
+from uq.runs.identification.static_centre import centre_file
 
 EXAMPLES = ("t1-10s", "designed", "many-errors", "laboratory", "robot")
 METHODS = ("source", "gls", "joint")

@@ -18,11 +18,11 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
+from identify.motion.serial_arm.joint_series import JointStates
 from identify.rigid_body.inertia import Body, unpack
-from identify.serial_arm.joint_series import JointStates
 from identify.signals.run import Run
-from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.mujoco_run import add_payload, loaded_spec
+from uq.plan.motion_design.arm.arm import Arm
+from uq.plan.motion_design.arm.mujoco_run import add_payload, loaded_spec
 
 LARGEST_OFFSET = {"force": 20.0, "torque": 2.0}
 """Bounds of the sensor's offsets [N, N·m]."""

@@ -18,18 +18,18 @@ from scipy import signal
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, payload_by_sysid
 from identify import Run, identify
-from identify.joint.priors import Alignment
+from identify.estimation.joint.priors import Alignment
+from identify.motion.serial_arm.joint_series import JointSeries, JointStates
+from identify.motion.serial_arm.payload_information import about_cg, about_q
 from identify.rigid_body.inertia import Body
-from identify.serial_arm.joint_series import JointSeries, JointStates
-from identify.serial_arm.payload_information import about_cg, about_q
 from uq.experiment.experiment import Experiment
-from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm, random_series
-from uq.motion_design.arm.arm_limits import ArmLimits
-from uq.motion_design.arm.clearance import Clearance
-from uq.motion_design.arm.joint_search import JointSearch
-from uq.motion_design.arm.mujoco_run import ASSUMED, MujocoRun, simulated
-from uq.motion_design.arm.predicted_payload import WrenchNoise, declared_noise
+from uq.plan.motion_design.arm.arm import Arm
+from uq.plan.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm, random_series
+from uq.plan.motion_design.arm.arm_limits import ArmLimits
+from uq.plan.motion_design.arm.clearance import Clearance
+from uq.plan.motion_design.arm.joint_search import JointSearch
+from uq.plan.motion_design.arm.mujoco_run import ASSUMED, MujocoRun, simulated
+from uq.plan.motion_design.arm.predicted_payload import WrenchNoise, declared_noise
 
 STEP, OFFSET = 2 * np.pi / 2**19, np.repeat([2.0, 0.1], 3)
 """Of an encoder of 19 bits [rad]; standard deviation of the cell's offset, drawn for each run [N, N·m]."""

@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from identify.text_tables import text_table
+from identify.display.text_tables import text_table
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "docs" / "cluster" / "campaign.sbatch"

@@ -16,13 +16,13 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.studies.throws import MOMENTS, asked
-from identify.estimators.run_information import information
+from identify.least_squares.run_information import information
+from identify.least_squares.run_lines import run_lines
 from identify.rigid_body.inertia import COMPONENTS
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
-from identify.sums.run_lines import run_lines
 from uq.experiment.experiment import Experiment
-from uq.recorded.load_run import load_run
+from uq.runs.recorded.load_run import load_run
 
 TERMS = [(row, column) for row in range(3) for column in range(3) if row != column]
 """Cross-axis terms, by row and column of the matrix that is added to 1."""

@@ -15,16 +15,16 @@ import jax
 import numpy as np
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, thrown_by_sysid
+from identify.least_squares.run_lines import rows_of
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
-from identify.sums.run_lines import rows_of
 from tests.helpers.interval_quality import error_over_u, interval_score
 from uq.experiment.experiment import Experiment
-from uq.identification.identify_files import identify_files
-from uq.recorded.load_run import load_run
+from uq.runs.identification.identify_files import identify_files
+from uq.runs.recorded.load_run import load_run
 
 MOMENTS = [0, 3, 5]
 Way = Callable[[Sequence[Path]], np.ndarray]

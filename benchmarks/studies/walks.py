@@ -27,14 +27,14 @@ jax.config.update("jax_enable_x64", True)
 
 from rig import Recorder, load_rig, read, write  # noqa: E402
 from uq import Experiment, identify_files, montecarlo, simulate  # noqa: E402
-from uq.barreto2016 import average_three_sigma  # noqa: E402
+from uq.monte_carlo.barreto2016 import average_three_sigma  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("uq/", "identify/", "rig/")
-TENSOR = ("identify/methods/source.py", "SourceEstimator.fit")
+TENSOR = ("identify/estimation/methods/source.py", "SourceEstimator.fit")
 """The function whose return ends the walk to the tensor; what follows judges and adds declared errors."""
 END = "the walk's end"
-JUDGES = ("identify/judge/", "uq/inspection/")
+JUDGES = ("identify/judge/", "uq/runs/inspection/")
 MARK = 37.25
 """A force [N] without rounding in single precision, by which a recording's functions are known."""
 Function = tuple[str, str]

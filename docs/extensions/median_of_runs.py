@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.estimation.methods.base import Method, Problem, estimator_of
 from identify.exceptions import RunError
-from identify.methods.base import Method, Problem, estimator_of
 from identify.results.identification_result import Identification
 
 EFFICIENCY = np.pi / 2

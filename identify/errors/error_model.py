@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.reporting import place_in_docs
 from identify.errors.rig_state import Beliefs, RigState, TrueMotion
 from identify.errors.written_sizes import WrittenSize
-from identify.reporting import place_in_docs
 
 Numbers = Float[np.ndarray, " p"]
 Columns = Float[np.ndarray, "n 6 p"]
@@ -121,7 +121,7 @@ class ErrorModel:
     """Conditions without which it cannot be: ``mounting`` (or weight), a load cell's ``zero``, an ``accelerometer``
     that tells the specific force."""
     unknowns: tuple[str, ...] = ()
-    """Unknowns of :data:`identify.joint.joint_model.SIZES` by which the joint estimate has it."""
+    """Unknowns of :data:`identify.estimation.joint.joint_model.SIZES` by which the joint estimate has it."""
     by_hand: bool = False
     """Whether the joint model's derivatives by these unknowns are the error's."""
     declared_as: tuple[str, str] | None = None

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from identify.rounding import significant, with_uncertainty
+from identify.display.rounding import significant, with_uncertainty
 
 ROUNDING = 1e-9
 """Uncertainty over the largest of a cause's coefficients below which a coefficient is left at zero.

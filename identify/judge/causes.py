@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
-from identify.joint.error_columns import ErrorColumns
+from identify.estimation.joint.error_columns import ErrorColumns
 from identify.judge.evidence import Base, Evidence, evidence
 from identify.judge.run_fit import RunFit
 from identify.results.declaration import ResidualCause

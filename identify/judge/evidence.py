@@ -20,9 +20,9 @@ import scipy
 from jaxtyping import Float
 
 from identify.errors.error_model import ErrorModel
+from identify.least_squares.residual_spectrum import leverage
+from identify.least_squares.row_products import inverse, products, solution
 from identify.signals.filters import moving_average
-from identify.sums.residual_spectrum import leverage
-from identify.sums.row_products import inverse, products, solution
 
 SMOOTHED = 10
 """Lines of one run on each side over which the residuals' spectrum is taken.

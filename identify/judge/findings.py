@@ -9,10 +9,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar, dataclass_transform
 
+from identify.display.reporting import place_in_docs
+from identify.display.rounding import significant
 from identify.judge.cure import Cure, written
-from identify.reporting import place_in_docs
 from identify.results.declaration import ResidualCause
-from identify.rounding import significant
 
 MATTERS = 0.5
 """Shift of a component over its standard uncertainty from which a finding is worth a warning.

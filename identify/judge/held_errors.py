@@ -2,7 +2,7 @@
 
 Of the joint estimate: the normal equations of its unknowns under their priors, weighed as it weighs them, with the
 errors' signals on the other side. Of least squares only what no declared source can be, as the mounting's flexibility;
-the rest has the derivatives of type B (:mod:`uq.identification.systematic_errors`).
+the rest has the derivatives of type B (:mod:`uq.runs.identification.systematic_errors`).
 
 Quantities that the estimator takes as declared are compared with the runs.
 """
@@ -17,21 +17,21 @@ from identify.errors.body.centre_of_gravity import CENTRE_OF_GRAVITY
 from identify.errors.body.mass import MASS
 from identify.errors.error_model import CELL_MATRIX, ErrorModel
 from identify.errors.registry import ERRORS
-from identify.joint.error_columns import ErrorColumns
-from identify.joint.joint_model import TEN
-from identify.joint.joint_pooling import shared_unknowns
-from identify.joint.predicted_wrench import Columns, PredictedWrench
-from identify.joint.prior_departure import FAR, declaration, departures
-from identify.joint.priors import STATIC, indices
+from identify.estimation.joint.error_columns import ErrorColumns
+from identify.estimation.joint.joint_model import TEN
+from identify.estimation.joint.joint_pooling import shared_unknowns
+from identify.estimation.joint.predicted_wrench import Columns, PredictedWrench
+from identify.estimation.joint.prior_departure import FAR, declaration, departures
+from identify.estimation.joint.priors import STATIC, indices
+from identify.estimation.methods.base import Problem
 from identify.judge.causes import FollowedCause
 from identify.judge.run_fit import RunFit, tensor_change
-from identify.methods.base import Problem
+from identify.least_squares.row_products import eliminated, products, solution
 from identify.results.declaration import Declaration
 from identify.results.identification_result import Identification
-from identify.sums.row_products import eliminated, products, solution
 
 HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
-"""Unknowns of :data:`identify.joint.joint_model.SIZES` that an estimate may take as exact, or from static poses."""
+"""Unknowns of the joint model that an estimate may take as exact, or from static poses."""
 BESIDE = [error for error in ERRORS.values() if error.typical and not error.by_hand and error.unknowns != CELL_MATRIX]
 """Errors of a typical size that are no unknown of the joint model, or not as it has them."""
 
@@ -44,7 +44,8 @@ def held_name(error: ErrorModel) -> str:
 def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunFit]) -> dict[str, np.ndarray]:
     """Return the derivatives of the ten parameters (mass, r_CG, tensor) by errors that count as zero, (10, p) each.
 
-    By unknown of :data:`identify.joint.joint_model.SIZES` in SI, and by :func:`held_name` of errors beside them.
+    By unknown of :data:`identify.estimation.joint.joint_model.SIZES` in SI, and by :func:`held_name` of errors beside
+    them.
 
     Args:
         result: of an estimator.

@@ -19,21 +19,21 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.estimators.covariance_matrices import root_of
+from identify.estimation.joint.gauss_newton import linearised
+from identify.estimation.joint.joint_model import SLICES, TEN, SpecificForce
+from identify.estimation.joint.priors import PriorBlock, Setting, error_blocks
+from identify.estimation.methods.base import Problem, estimator_of
+from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError
-from identify.joint.gauss_newton import linearised
-from identify.joint.joint_model import SLICES, TEN, SpecificForce
-from identify.joint.priors import PriorBlock, Setting, error_blocks
 from identify.judge.judged_fits import declared_of, falls, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
-from identify.methods.base import Problem, estimator_of
-from identify.methods.joint import specific_force_source
+from identify.least_squares.covariance_matrices import root_of
+from identify.least_squares.residual_spectrum import spectrum
+from identify.least_squares.row_products import inverse, products
 from identify.results.held_out_result import HeldOut, HeldOutRun
 from identify.results.identification_result import Identification
 from identify.signals.band_limited_run import InBand
 from identify.signals.run import Run
-from identify.sums.residual_spectrum import spectrum
-from identify.sums.row_products import inverse, products
 
 WIDER = 3
 """Width of the noise spectrum's windows over that of the estimators' windows.

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimation.joint.joint_model import SpecificForce
+from identify.estimation.joint.priors import Alignment, PriorBlock, Setting, error_blocks
+from identify.estimation.methods.base import Problem
+from identify.estimation.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.exceptions import RunError
-from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import Alignment, PriorBlock, Setting, error_blocks
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.judge.run_fit import RunFit, fit_run
-from identify.methods.base import Problem
-from identify.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.results.identification_result import Identification
 from identify.rigid_body.rotation import cumulative_product, exponentials
 from identify.signals.band_limited_run import InBand, in_band

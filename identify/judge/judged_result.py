@@ -17,9 +17,9 @@ from identify.errors.imu.gyro_axes import GYRO_AXES
 from identify.errors.registry import ERRORS
 from identify.errors.rig.weight import WEIGHT
 from identify.errors.written_sizes import ROUNDING
-from identify.estimators.covariance_matrices import root_of
-from identify.joint.error_columns import ErrorColumns
-from identify.joint.joint_pooling import shared_unknowns
+from identify.estimation.joint.error_columns import ErrorColumns
+from identify.estimation.joint.joint_pooling import shared_unknowns
+from identify.estimation.methods.base import Problem
 from identify.judge import held_errors
 from identify.judge.causes import FollowedCause, Judgement, followed
 from identify.judge.evidence import Base
@@ -32,7 +32,7 @@ from identify.judge.run_findings.resonance import lines_of, resonance
 from identify.judge.run_findings.saturation import saturated
 from identify.judge.run_findings.unexplained import EXPLAINS, IMITATED, UNEXPLAINED, FollowsNoCause, InBandResidual
 from identify.judge.run_fit import RunFit, base_of, tensor_change
-from identify.methods.base import Problem
+from identify.least_squares.covariance_matrices import root_of
 from identify.results.declaration import Declaration, ResidualCause
 from identify.results.identification_result import MISFIT, Identification
 from identify.results.ledger import Row, tensor_row

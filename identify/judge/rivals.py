@@ -9,20 +9,20 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import significant
 from identify.errors.body.mass import MASS
 from identify.errors.error_model import ErrorModel
 from identify.errors.imu.rotation import ROTATION
 from identify.errors.load_cell.gain import GAIN
 from identify.errors.load_cell.load_cell_axes import LOAD_CELL_AXES
 from identify.errors.written_sizes import ROUNDING
-from identify.joint.error_columns import ErrorColumns
-from identify.joint.predicted_wrench import PredictedWrench
+from identify.estimation.joint.error_columns import ErrorColumns
+from identify.estimation.joint.predicted_wrench import PredictedWrench
 from identify.judge.evidence import Base, Evidence
 from identify.judge.findings import signed
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import significant
 
 OTHER_WEIGHT = 0.025
 """Part of the mass up to which gravity of another place or air may feign it.

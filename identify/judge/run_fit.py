@@ -4,7 +4,7 @@ Gauss–Newton on the joint model's rows, on the lines of the cosine transform u
 motion's derivatives hold the gyro's noise, which the residuals hold, too.
 
 Ordinary least squares stand beside it: errors that both take for noise move them alike, what the model lacks moves them
-apart (:mod:`identify.estimators.hausman`).
+apart (:mod:`identify.least_squares.hausman`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,18 +15,18 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.joint.gauss_newton import linearised
-from identify.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
-from identify.joint.motion_signals import MotionSignals
-from identify.joint.noise_spectrum import noise_spectrum
-from identify.joint.predicted_wrench import Columns, PredictedWrench, about_centre
-from identify.joint.priors import Alignment, Prior, Setting, indices
-from identify.joint.single_run import gyro_noise, prepared, start_bias, start_up
+from identify.estimation.joint.gauss_newton import linearised
+from identify.estimation.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
+from identify.estimation.joint.motion_signals import MotionSignals
+from identify.estimation.joint.noise_spectrum import noise_spectrum
+from identify.estimation.joint.predicted_wrench import Columns, PredictedWrench, about_centre
+from identify.estimation.joint.priors import Alignment, Prior, Setting, indices
+from identify.estimation.joint.single_run import gyro_noise, prepared, start_bias, start_up
 from identify.judge.evidence import Base, FittedLines
+from identify.least_squares.row_products import products, solution
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
-from identify.sums.row_products import products, solution
 
 STEPS = 10
 """Most steps of Gauss–Newton, the first two of which set the weights.

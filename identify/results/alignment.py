@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from identify.display.rounding import significant, with_uncertainty
+from identify.display.text_tables import enumerated
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, rotate
 from identify.rigid_body.rotation import exponential
-from identify.rounding import significant, with_uncertainty
-from identify.text_tables import enumerated
 
 LARGEST_PRIOR_SHARE = 0.5
 """Share of the prior in a variance above which the motion does not determine the quantity."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
-from identify.rounding import rounded, with_uncertainty
+from identify.display.rounding import rounded, with_uncertainty
 
 CONTRADICTED = 5.0
 """Standard uncertainties of what was declared beyond which the runs contradict it.
@@ -16,7 +16,7 @@ class Declaration(NamedTuple):
     """A declared quantity that the runs place far from what was declared of it. SI units."""
 
     quantity: str
-    """Name of the unknown, of :data:`identify.joint.joint_model.SIZES`."""
+    """Name of the unknown, of :data:`identify.estimation.joint.joint_model.SIZES`."""
     words: str
     axis: int | None
     """Axis of a vector, 1 to 3; None: it is none."""

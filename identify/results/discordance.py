@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from identify.estimators.discordant import LEAST, discordant, misnamed
+from identify.display.rounding import with_uncertainty
+from identify.least_squares.discordant import LEAST, discordant, misnamed
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
-from identify.rounding import with_uncertainty
 
 
 class Discordant(NamedTuple):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.reporting import Result, plain
-from identify.rounding import significant
+from identify.display.reporting import Result, plain
+from identify.display.rounding import significant
 
 FORCE, MOMENT = ("F1", "F2", "F3"), ("M1", "M2", "M3")
 

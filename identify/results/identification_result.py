@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.choices import OffsetChoice
-from identify.estimators.admissible_tensor import Admissible
-from identify.estimators.pooling import NORMAL, Pooling
-from identify.reporting import Result, interval_records, plain
+from identify.display.reporting import Result, interval_records, plain
+from identify.least_squares.admissible_tensor import Admissible
+from identify.least_squares.pooling import NORMAL, Pooling
 from identify.results import mass_and_centre
 from identify.results.alignment import Aligned
 from identify.results.declaration import Declaration, ResidualCause, contradiction, status
@@ -66,7 +66,7 @@ class Identification(Result):
     tare: Tare | None = None
     """Fixture that was subtracted from the identified body; None: nothing was."""
     method: str = "source"
-    """Name of the estimator, in :mod:`identify.methods`."""
+    """Name of the estimator, in :mod:`identify.estimation.methods`."""
     delay: Aligned | None = None
     """Delay of the IMU against the load cell [s], where it was estimated."""
     rotation: Aligned | None = None

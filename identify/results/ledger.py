@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from identify.estimators.covariance_matrices import root_of
-from identify.estimators.pooling import Pooling
-from identify.reporting import Shown
+from identify.display.reporting import Shown
+from identify.least_squares.covariance_matrices import root_of
+from identify.least_squares.pooling import Pooling
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import PARAMETERS, by_component
 

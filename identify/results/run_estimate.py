@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.estimators.offsets import Offsets, force_offset, uncertainty
-from identify.estimators.run_information import Information
+from identify.least_squares.offsets import Offsets, force_offset, uncertainty
+from identify.least_squares.residual_spectrum import Trace
+from identify.least_squares.run_information import Information
 from identify.rigid_body.inertial_parameters import by_component
-from identify.sums.residual_spectrum import Trace
 
 
 @dataclass(frozen=True, repr=False)
@@ -54,7 +54,7 @@ class RunEstimate:
     trace: Trace | None = None
     """Residuals and motion, for figures; None: absent."""
     weighed: np.ndarray | None = None
-    """Rows that the equations were made with; see :class:`identify.estimators.run_information.Information`."""
+    """Rows that the equations were made with; see :class:`identify.least_squares.run_information.Information`."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what result.json says of it, in SI."""

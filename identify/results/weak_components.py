@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators.admissible_tensor import (
+from identify.display.rounding import fixed, significant, with_uncertainty
+from identify.least_squares.admissible_tensor import (
     CONTRADICTED,
     UNUSUAL,
     Admissible,
@@ -18,7 +19,6 @@ from identify.results.identification_result import Identification
 from identify.results.ledger import Ledger, Row, tensor_row
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, pack
 from identify.rigid_body.pseudo_inertia import UNITS
-from identify.rounding import fixed, significant, with_uncertainty
 from identify.signals.run import Run, RunError
 
 ONE_AXIS = 1e-3

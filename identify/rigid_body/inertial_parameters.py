@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
+from identify.display.reporting import Shown
 from identify.exceptions import RunError
-from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.principal_axes import Principal, principal_axes, propagated
 from identify.rigid_body.rotation import exponential

@@ -2,7 +2,7 @@
 
 ``Omega_R`` of (7) is linear in nine features of the motion, ``alpha`` and the products ``omega_i omega_j``; with
 ``omega`` itself and 1 these are thirteen, and everything that least squares needs is sums of their products
-(:mod:`identify.estimators.gram`). Features stand on the leading axis, so ``(3,)`` gives one sample and ``(3, n)`` a
+(:mod:`identify.least_squares.gram`). Features stand on the leading axis, so ``(3,)`` gives one sample and ``(3, n)`` a
 block. Every function takes arrays of JAX or of NumPy and returns the same kind; nothing here imports JAX, so that the
 tables and ``inertia inspect`` start without it.
 """

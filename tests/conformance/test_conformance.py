@@ -16,11 +16,11 @@ from identify.signals.run import RunError
 from tests.helpers import posed_runs
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.identification.identify_files import identify_files
-from uq.identification.static_centre import centre_file
-from uq.inspection.experiment_findings import experiment_findings
-from uq.recorded.gravity_compensation import undo
-from uq.recorded.load_run import load
+from uq.runs.identification.identify_files import identify_files
+from uq.runs.identification.static_centre import centre_file
+from uq.runs.inspection.experiment_findings import experiment_findings
+from uq.runs.recorded.gravity_compensation import undo
+from uq.runs.recorded.load_run import load
 
 EXPECTED = tomllib.loads((Path(__file__).parent / "expected.toml").read_text())
 

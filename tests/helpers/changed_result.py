@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.estimators.covariance_matrices import root_of
-from identify.estimators.pooling import NORMAL, student_freedom
+from identify.estimation.methods.base import Problem
 from identify.judge.judged_result import Judged
-from identify.methods.base import Problem
+from identify.least_squares.covariance_matrices import root_of
+from identify.least_squares.pooling import NORMAL, student_freedom
 from identify.results.identification_result import Identification
 from identify.results.ledger import Ledger, Row
 

@@ -107,7 +107,7 @@ def declared(run: Measured, method: str) -> dict:
 def answers(numbers: Sequence[int]) -> Iterator[Answer]:
     """Identify runs, each by the method that has its turn."""
     from uq.experiment.experiment import Experiment
-    from uq.identification.identify_files import identify_files
+    from uq.runs.identification.identify_files import identify_files
 
     with tempfile.TemporaryDirectory() as folder:
         for number in numbers:

@@ -67,7 +67,7 @@ CASES = (
 def identified(case: Wrong, seed: int, method: str):
     """The result of one run."""
     from uq.experiment.experiment import Experiment
-    from uq.identification.identify_files import identify_files
+    from uq.runs.identification.identify_files import identify_files
 
     measured = measure(seed, **case.options)
     content = document(measured, method, [source(*table) for table in case.sources])

@@ -8,8 +8,8 @@ from benchmarks.studies.design_bounds import bound_by_squares, repeating_bound
 from identify.signals.estimator_spec import EstimatorSpec
 from uq import montecarlo
 from uq.experiment.experiment import Experiment
-from uq.motion_design.hexapod.design_bound import design_bound
-from uq.motion_design.hexapod.rig_limits import efforts
+from uq.plan.motion_design.hexapod.design_bound import design_bound
+from uq.plan.motion_design.hexapod.rig_limits import efforts
 
 CASES = ("preset", "near-cubic body", "linuxcnc-genhexkins", "gyro ten times noisier")
 CUBIC = {

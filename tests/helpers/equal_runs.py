@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identify.estimators.pooling import Repeat, pooling
+from identify.least_squares.pooling import Repeat, pooling
 
 NORMAL = np.diag([400.0, 300, 300, 350, 300, 400])
 OWN = np.array([1.0, 0.5, 0.5, 0.8, 0.5, 1.0])

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.joint import cramer_rao_bound
-from identify.joint.joint_model import SpecificForce
-from identify.joint.priors import Alignment
+from identify.estimation.joint import cramer_rao_bound
+from identify.estimation.joint.joint_model import SpecificForce
+from identify.estimation.joint.priors import Alignment
 from identify.signals.power_spectrum import motion_band
-from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.source import SIGNALS, signal_variance
 

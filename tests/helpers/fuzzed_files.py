@@ -10,15 +10,15 @@ import numpy as np
 import zstandard
 from mcap.writer import CompressionType
 
-from identify.static.centre import centre
+from identify.estimation.static_poses.centre import centre
 from rig import runs
 from tests.helpers import bags
 from tests.helpers.pose_lab import GRAVITY, directions, wrench_of
 from tests.helpers.small_campaign import TRIALS
-from uq.campaign.campaign import RunOptions, montecarlo
-from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
-from uq.trials import checkpoint
+from uq.monte_carlo.campaign.campaign import RunOptions, montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.trials import checkpoint
 
 ROOT = Path(__file__).parents[2]
 

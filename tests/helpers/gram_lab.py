@@ -2,7 +2,7 @@
 
 import jax
 
-from identify.estimators.gram import sums_of
+from identify.least_squares.gram import sums_of
 from identify.rigid_body.regressor import features
 
 

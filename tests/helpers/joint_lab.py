@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from identify.estimators.gram import solve
-from identify.joint import gauss_newton
-from identify.joint.priors import STATIC, PriorBlock, Setting
-from identify.joint.single_run import REACH, JointRun, joint_run, prepared, search_start, whitener
+from identify.estimation.joint import gauss_newton
+from identify.estimation.joint.priors import STATIC, PriorBlock, Setting
+from identify.estimation.joint.single_run import REACH, JointRun, joint_run, prepared, search_start, whitener
+from identify.least_squares.gram import solve
 from identify.motion.trajectory import sample
 from identify.rigid_body.dynamics import wrench
 from identify.rigid_body.inertia import Body, pack

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from identify.joint.joint_model import SLICES, WANDER
+from identify.estimation.joint.joint_model import SLICES, WANDER
 
 GAUSS = np.sqrt(3) / 6
 

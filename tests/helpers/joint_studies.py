@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from identify.joint.joint_model import SLICES
-from identify.joint.joint_pooling import pool
-from identify.joint.priors import Alignment
+from identify.estimation.joint.joint_model import SLICES
+from identify.estimation.joint.joint_pooling import pool
+from identify.estimation.joint.priors import Alignment
 from identify.rigid_body.inertia import COMPONENTS, MOMENTS, PRODUCTS
 from tests.helpers.joint_lab import Laboratory, random_body
 from uq.sources.source import Source

@@ -8,7 +8,7 @@ from tests.helpers.laboratory import FULL_SCALE, NOISE, SIGMA, Measured
 from tests.helpers.laboratory_mechanics import GRAVITY
 from tests.helpers.laboratory_runs import BAND
 from uq.experiment.experiment import Experiment
-from uq.identification.identify_files import identify_files
+from uq.runs.identification.identify_files import identify_files
 
 START = 1_700_000_000_000_000_000
 

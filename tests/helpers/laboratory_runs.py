@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.estimation.joint.priors import Alignment
 from identify.identification import identify
-from identify.joint.priors import Alignment
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 from tests.helpers.laboratory import SIGMA, Measured

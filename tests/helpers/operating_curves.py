@@ -28,11 +28,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from identify.display.reporting import place_in_docs
+from identify.display.rounding import significant
 from identify.errors.error_model import CauseWords
 from identify.errors.registry import ERRORS
 from identify.judge.finding_pages import FindingPage, all_findings
-from identify.reporting import place_in_docs
-from identify.rounding import significant
 from tests.helpers.laboratory import FINE, Measured, measure
 from tests.helpers.laboratory_mechanics import base_angles, base_motion
 from tests.helpers.trouble_study import CLEAN, FIRST, begin, rows_in, said
@@ -217,8 +217,8 @@ def _named(cell: CurveCell, measured: list[Measured]) -> dict:
     from identify.exceptions import RunError
     from tests.helpers.laboratory_files import document, identified_files, write
     from uq.experiment.experiment import Experiment
-    from uq.inspection.experiment_findings import experiment_findings
-    from uq.recorded.load_run import load_run
+    from uq.runs.inspection.experiment_findings import experiment_findings
+    from uq.runs.recorded.load_run import load_run
 
     with tempfile.TemporaryDirectory() as folder:
         if cell.method == CONVENTIONS:

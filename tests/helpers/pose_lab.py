@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identify.static.centre import centre
-from identify.static.pose_fit import Attitudes
+from identify.estimation.static_poses.centre import centre
+from identify.estimation.static_poses.pose_fit import Attitudes
 
 GRAVITY = 9.81
 MASS, R_CG = 3.7, np.array([0.013, -0.027, 0.081])

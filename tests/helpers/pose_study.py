@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from identify.static.centre import centre
-from identify.static.centre_result import Centre
-from identify.static.pose_fit import EXACT, Attitudes
+from identify.estimation.static_poses.centre import centre
+from identify.estimation.static_poses.centre_result import Centre
+from identify.estimation.static_poses.pose_fit import EXACT, Attitudes
 from tests.helpers.pose_lab import GRAVITY, KINDS, MASS, NOISE, R_CG, TRUTH, Kind, directions, signals
 from uq.experiment.experiment import Experiment
 
@@ -74,7 +74,7 @@ def gained(rng: np.random.Generator, sizes: dict[str, float], wrench: np.ndarray
 
 def undeclared_row(name: str, sizes: dict[str, float], told: dict[str, float], repeats: int) -> list[str]:
     """What interval and bound hold, and half of the mass's bound over half its interval."""
-    from uq.identification.undeclared import centre_with_undeclared
+    from uq.runs.identification.undeclared import centre_with_undeclared
 
     rng, inside, ratio = np.random.default_rng(38), [], []
     experiment = Experiment.from_dict({"platform": {"gravity": f"{GRAVITY} m/s^2"}, "poses": {}, "undeclared": {

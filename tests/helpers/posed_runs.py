@@ -385,9 +385,9 @@ CLEAN = (
 
 def main(arguments=None):
     from identify.exceptions import RunError
-    from uq.identification.identify_files import identify_files
-    from uq.inspection.experiment_findings import experiment_findings
-    from uq.recorded.load_run import load
+    from uq.runs.identification.identify_files import identify_files
+    from uq.runs.inspection.experiment_findings import experiment_findings
+    from uq.runs.recorded.load_run import load
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=20, help="of each kind, with the mass declared and without")

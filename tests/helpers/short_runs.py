@@ -22,8 +22,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from identify.joint.priors import Alignment
-from identify.methods.base import Problem, estimator_of
+from identify.estimation.joint.priors import Alignment
+from identify.estimation.methods.base import Problem, estimator_of
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import unpack
 from identify.signals.estimator_spec import EstimatorSpec

@@ -5,9 +5,9 @@ import tomllib
 from functools import cache
 from importlib import resources
 
-from uq.barreto2016 import PaperResult
-from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.barreto2016 import PaperResult
+from uq.monte_carlo.campaign.campaign import montecarlo
 
 
 def document():

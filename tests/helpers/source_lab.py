@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from uq.campaign.campaign import SamplingPlan
-from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.campaign import SamplingPlan
+from uq.monte_carlo.campaign.trial_setup import true_motion
 from uq.sources.draws import draw_pairs, noise_streams
 from uq.sources.random_normals import in_order
 

@@ -10,8 +10,8 @@ import numpy as np
 from identify.rigid_body.rotation import exponential
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
-from uq.campaign.simulation import simulate
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
 T1 = tomllib.loads((ROOT / "uq" / "examples" / "t1-10s.toml").read_text())

@@ -5,14 +5,14 @@ import dataclasses
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from identify.estimation.static_poses.centre import centre
+from identify.estimation.static_poses.pose_fit import Attitudes
 from identify.identification import identify
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.static.centre import centre
-from identify.static.pose_fit import Attitudes
 from tests.helpers.point_masses import subtract
-from uq.campaign.simulation import simulate
-from uq.identification.tare import tared
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.runs.identification.tare import tared
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)
 GRAVITY = 9.80665

@@ -86,7 +86,7 @@ def answers(seed: int, size: float, names: Sequence[str]) -> dict[str, Answer]:
     from tests.helpers.changed_result import with_typical
     from tests.helpers.laboratory_files import document, write
     from uq.experiment.experiment import Experiment
-    from uq.identification.identify_files import identify_files
+    from uq.runs.identification.identify_files import identify_files
 
     measured, by_method = measure(seed, **drawn(seed, size, names)), {}
     with tempfile.TemporaryDirectory() as folder:

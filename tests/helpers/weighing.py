@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.reporting import Drawing, Result
-from identify.text_tables import Table
+from identify.display.reporting import Drawing, Result
+from identify.display.text_tables import Table
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,7 +8,7 @@ import pytest
 from IPython.core.formatters import PNGFormatter
 from matplotlib.figure import Figure
 
-from identify.reporting import Figures, plain, stem
+from identify.display.reporting import Figures, plain, stem
 from tests.helpers.weighing import Weighed, weighing
 
 

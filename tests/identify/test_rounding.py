@@ -6,7 +6,7 @@ from fractions import Fraction
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from identify.rounding import (
+from identify.display.rounding import (
     beside_uncertainty,
     common,
     concise,
@@ -17,7 +17,7 @@ from identify.rounding import (
     significant,
     with_uncertainty,
 )
-from identify.text_tables import is_figure
+from identify.display.text_tables import is_figure
 
 values = st.floats(-1e9, 1e9)
 

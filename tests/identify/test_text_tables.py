@@ -2,7 +2,7 @@
 
 import pytest
 
-from identify.text_tables import Table, in_lines, text_table
+from identify.display.text_tables import Table, in_lines, text_table
 
 HEAD = ("run", "unit", "I11", "I12", "I22")
 ROWS = (("T1", "g·m²", "−1.17 ± 0.91", "0.41 ± 0.57", "7.7"), ("T2", "g·m²", "1.00 ± 0.50", "–", "12.25"))

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from identify.estimators import gram
+from identify.least_squares import gram
 from identify.motion.attitude import running_product
 from identify.motion.leg_limits import PlatformMotion, effort
 from identify.motion.multisine import Multisine

@@ -4,8 +4,8 @@ import pytest
 import tqdm.auto
 
 from tests.helpers.small_campaign import TRIALS, document
-from uq.campaign.campaign import RunOptions, montecarlo
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.campaign import RunOptions, montecarlo
 from uq.progress_bar import ProgressBar, progress_of
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.reporting import Result, plain
+from identify.display.reporting import Result, plain
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.inertial_parameters import PARAMETERS, Tensor, by_component

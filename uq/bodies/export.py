@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from identify.estimators.admissible_tensor import distance_from_bodies
+from identify.display.reporting import Result, plain
+from identify.display.rounding import common, significant
 from identify.exceptions import RunError
-from identify.reporting import Result, plain
+from identify.least_squares.admissible_tensor import distance_from_bodies
 from identify.results.declaration import status
 from identify.rigid_body.inertial_parameters import PARAMETERS, InertialParameters
 from identify.rigid_body.principal_axes import principal
-from identify.rounding import common, significant
 from uq.bodies.export_formats import ExportFormat, chosen, export_format
 from uq.bodies.exported_body import ExportedBody
 from uq.files.output_folder import HasFiles

@@ -15,13 +15,13 @@ import msgspec
 import numpy as np
 from jaxtyping import Array
 
+from identify.display.reporting import Shown
+from identify.display.rounding import common, significant
 from identify.floating_point import check_precision
-from identify.reporting import Shown
 from identify.rigid_body.inertia import COMPONENTS, parallel_axis, rotate
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import principal
 from identify.rigid_body.rotation import exponential
-from identify.rounding import common, significant
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.bodies.drawing import (
     ORIGIN,

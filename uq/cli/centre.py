@@ -2,12 +2,12 @@
 
 import argparse
 
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import finish, output_folder, start_jax
+from uq.cli.terminal.options import add_window_options
 from uq.experiment.experiment import Experiment
-from uq.identification.static_centre import centre_file
-from uq.recorded.time_window import windows_of_options
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import finish, output_folder, start_jax
-from uq.terminal.options import add_window_options
+from uq.runs.identification.static_centre import centre_file
+from uq.runs.recorded.time_window import windows_of_options
 
 
 def configure(parser: CommandParser) -> None:

@@ -4,16 +4,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import finish, output_folder, start_jax
+from uq.cli.terminal.options import positive_quantity, whole_number
+from uq.cli.terminal.sources import add_without_option, shares_named
+from uq.cli.terminal.terminal_bar import TerminalBar
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.motion_design.hexapod.design import design
-from uq.motion_design.hexapod.design_report import design_report
-from uq.motion_design.hexapod.motion_export import export_motion
-from uq.planning.pose_plan import POSES, plan_poses
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import finish, output_folder, start_jax
-from uq.terminal.options import positive_quantity, whole_number
-from uq.terminal.sources import add_without_option, shares_named
-from uq.terminal.terminal_bar import TerminalBar
+from uq.plan.measurement.pose_plan import POSES, plan_poses
+from uq.plan.motion_design.hexapod.design import design
+from uq.plan.motion_design.hexapod.design_report import design_report
+from uq.plan.motion_design.hexapod.motion_export import export_motion
 
 
 def configure(parser: CommandParser) -> None:
@@ -76,8 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _design_arm(arguments: argparse.Namespace, experiment: Experiment, given: dict[str, Any], out: Path | None) -> None:
     """Design the joint motion of an arm."""
-    from uq.motion_design.arm.arm_design import design_arm
-    from uq.motion_design.arm.arm_report import arm_report
+    from uq.plan.motion_design.arm.arm_design import design_arm
+    from uq.plan.motion_design.arm.arm_report import arm_report
 
     for option in _given(arguments, "objective", "reference", "target", "poses", "rehearsal_amplitude"):
         raise ExperimentError(f"{option} is for a platform on six legs, not for an arm: remove it")

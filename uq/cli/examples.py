@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from rig.exceptions import RigError, quoted
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 
 def configure(parser: CommandParser) -> None:

@@ -2,18 +2,18 @@
 
 import argparse
 
-from identify import methods
-from identify.reporting import Result
+from identify.display.reporting import Result
+from identify.estimation import methods
 from uq.bodies import export_formats
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import finish, output_folder, start_jax
+from uq.cli.terminal.options import add_window_options
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.identification.identify_files import identify_files, mounting_names
-from uq.identification.tare import check_tare, tare_files
-from uq.recorded.time_window import windows_of_options
 from uq.report.certificate.certificate import Certificate
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import finish, output_folder, start_jax
-from uq.terminal.options import add_window_options
+from uq.runs.identification.identify_files import identify_files, mounting_names
+from uq.runs.identification.tare import check_tare, tare_files
+from uq.runs.recorded.time_window import windows_of_options
 
 
 def configure(parser: CommandParser) -> None:

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from uq.tables.import_table import import_table
-from uq.tables.proposed_map import propose
-from uq.tables.table_map import Map
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
+from uq.runs.tables.import_table import import_table
+from uq.runs.tables.proposed_map import propose
+from uq.runs.tables.table_map import Map
 
 
 def configure(parser: CommandParser) -> None:

@@ -5,7 +5,7 @@ import json
 from typing import TYPE_CHECKING
 
 from rig.mcap.message_definitions import IMU
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 if TYPE_CHECKING:
     from uq.experiment.experiment import Experiment
@@ -26,8 +26,8 @@ def configure(parser: CommandParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Inspect every run; 1 when something is suspicious."""
-    from identify.text_tables import in_lines
-    from uq.inspection.inspect_run import inspect_run
+    from identify.display.text_tables import in_lines
+    from uq.runs.inspection.inspect_run import inspect_run
 
     suspicious = False
     experiment = None if arguments.experiment is None else _load(arguments.experiment)
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _load(name: str) -> "Experiment":
     """Read the experiment. Loads JAX, which plain ``inspect`` does without."""
-    from uq.terminal.common import start_jax
+    from uq.cli.terminal.common import start_jax
 
     start_jax()
     from uq.experiment.experiment import Experiment

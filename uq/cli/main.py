@@ -13,15 +13,15 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from identify.rounding import concise
+from identify.display.rounding import concise
 from rig import read_limits
 from rig.exceptions import cure, quoted, reason
+from uq.cli.terminal.command_parser import CommandParser, complain
+from uq.cli.terminal.interrupt import STATUS as INTERRUPTED
+from uq.cli.terminal.interrupt import Interrupt, leave
+from uq.cli.terminal.standard_streams import open_closed_streams, shown_streams
+from uq.cli.terminal.terminal_bar import ReadingBar
 from uq.files.mistakes import MISTAKES
-from uq.terminal.command_parser import CommandParser, complain
-from uq.terminal.interrupt import STATUS as INTERRUPTED
-from uq.terminal.interrupt import Interrupt, leave
-from uq.terminal.standard_streams import open_closed_streams, shown_streams
-from uq.terminal.terminal_bar import ReadingBar
 
 COMMANDS = {
     "paper": "reproduce the paper's Table 2 and figures, beside its printed values",

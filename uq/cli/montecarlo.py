@@ -4,24 +4,24 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from identify.reporting import Result
-from uq.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
-from uq.campaign.campaign_result import MonteCarloResult
-from uq.coverage.adaptive_procedure import Goal
+from identify.display.reporting import Result
+from uq.analysis.propagation.experiment_law import law
+from uq.analysis.propagation.law_result import LawResult
+from uq.analysis.propagation.law_validation import validate_law
+from uq.analysis.sensitivity.budget_shares import FEWEST_PAIRS
+from uq.analysis.sensitivity.source_budget import budget
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import keep, output_folder, show, start_jax
+from uq.cli.terminal.options import add_campaign_options, positive_quantity, whole_number
+from uq.cli.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
+from uq.cli.terminal.sources import add_without_option, shares_named
+from uq.cli.terminal.terminal_bar import TerminalBar, say
 from uq.experiment.experiment import Experiment, ExperimentError
+from uq.monte_carlo.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.coverage.adaptive_procedure import Goal
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 from uq.progress_bar import Progress
-from uq.propagation.experiment_law import law
-from uq.propagation.law_result import LawResult
-from uq.propagation.law_validation import validate_law
-from uq.sensitivity.budget_shares import FEWEST_PAIRS
-from uq.sensitivity.source_budget import budget
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import keep, output_folder, show, start_jax
-from uq.terminal.options import add_campaign_options, positive_quantity, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
-from uq.terminal.sources import add_without_option, shares_named
-from uq.terminal.terminal_bar import TerminalBar, say
-from uq.trials.checkpoint import Checkpoint
 
 
 def configure(parser: CommandParser) -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from rig.atomic_files import replacing
 from rig.exceptions import RigError, on_one_line, quoted
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.files.toml_text import toml_text
-from uq.recorded.still_noise import still_noise
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import finish, output_folder, start_jax
+from uq.runs.recorded.still_noise import still_noise
 
 
 def configure(parser: CommandParser) -> None:

@@ -4,15 +4,15 @@ import argparse
 import contextlib
 from collections.abc import Mapping
 
-from uq.barreto2016 import paper
-from uq.campaign.campaign import RunOptions, SamplingPlan
-from uq.campaign.statistics import Breakdown, Statistics
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import keep, output_folder, show, start_jax
+from uq.cli.terminal.options import add_campaign_options, whole_number
+from uq.cli.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
+from uq.cli.terminal.terminal_bar import TerminalBar
+from uq.monte_carlo.barreto2016 import paper
+from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan
+from uq.monte_carlo.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import keep, output_folder, show, start_jax
-from uq.terminal.options import add_campaign_options, whole_number
-from uq.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
-from uq.terminal.terminal_bar import TerminalBar
 
 
 def configure(parser: CommandParser) -> None:

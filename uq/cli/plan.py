@@ -3,15 +3,15 @@
 import argparse
 
 from rig.exceptions import quoted
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import finish, output_folder, start_jax
+from uq.cli.terminal.options import positive_quantity
+from uq.cli.terminal.sources import add_without_option, shares_named
+from uq.cli.terminal.terminal_bar import TerminalBar
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.planning.measurement_plan import plan_measurement
-from uq.planning.required_duration import GOALS
-from uq.planning.sensor_worth import BOTH
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import finish, output_folder, start_jax
-from uq.terminal.options import positive_quantity
-from uq.terminal.sources import add_without_option, shares_named
-from uq.terminal.terminal_bar import TerminalBar
+from uq.plan.measurement.measurement_plan import plan_measurement
+from uq.plan.measurement.required_duration import GOALS
+from uq.plan.measurement.sensor_worth import BOTH
 
 
 def configure(parser: CommandParser) -> None:

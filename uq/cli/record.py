@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.text_tables import text_table
+from identify.display.text_tables import text_table
 from rig.exceptions import RigError, on_one_line
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 if TYPE_CHECKING:
     from rig.record.recorder import Progress, Summary
-    from uq.live.second_process import SecondProcess
+    from uq.runs.live.second_process import SecondProcess
 
 
 def configure(parser: CommandParser) -> None:
@@ -74,7 +74,7 @@ def _target(arguments: argparse.Namespace) -> float | None:
         return None
     if arguments.identify is None:
         raise RigError("--until needs --identify E.toml, which determines the uncertainty")
-    from uq.terminal.options import positive_quantity
+    from uq.cli.terminal.options import positive_quantity
 
     return positive_quantity("--until", arguments.until, "kg*m^2")
 
@@ -84,7 +84,7 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
     from rig.record.recorder import Recorder
     from rig.record.recording_file import run_path
     from rig.record.terminal import Keys, Terminal
-    from uq.terminal.standard_streams import uncontrolled
+    from uq.cli.terminal.standard_streams import uncontrolled
 
     memory.share_one_arena()
     rig, path = rig_file.load_rig(arguments.rig), run_path(arguments.output)
@@ -145,7 +145,7 @@ def _beside(
     if arguments.identify is None:
         yield None
         return
-    from uq.live.second_process import SecondProcess
+    from uq.runs.live.second_process import SecondProcess
 
     process = SecondProcess(arguments.rig, arguments.identify, str(path), target, reached)
     try:
@@ -156,12 +156,12 @@ def _beside(
 
 def _identified(path: Path, experiment: str, reached: float | None, say: Callable[[str], None]) -> bool:
     """Print what ``inertia identify`` says of the file, a target that it misses first; return whether it could."""
+    from uq.cli.terminal.common import finish, start_jax
     from uq.experiment.experiment import Experiment
     from uq.files.mistakes import MISTAKES
-    from uq.identification.identify_files import identify_files
-    from uq.live.estimate_lines import missed
     from uq.report.certificate.certificate import Certificate
-    from uq.terminal.common import finish, start_jax
+    from uq.runs.identification.identify_files import identify_files
+    from uq.runs.live.estimate_lines import missed
 
     start_jax()
     try:

@@ -3,7 +3,7 @@
 import argparse
 
 from rig.exceptions import on_one_line
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 
 def configure(parser: CommandParser) -> None:

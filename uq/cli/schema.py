@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from uq.terminal.command_parser import CommandParser
+from uq.cli.terminal.command_parser import CommandParser
 
 FILES = ("experiment", "rig", "map", "body")
 RESULT = "result"
@@ -42,9 +42,9 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
+    from uq.runs.tables.table_map import Map
     from uq.sources.source import KINDS
     from uq.sources.source_table import DrawTable, SourceTable, source_table
-    from uq.tables.table_map import Map
 
     if file != "experiment":
         tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile}

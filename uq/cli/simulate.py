@@ -3,11 +3,11 @@
 import argparse
 
 from rig.exceptions import on_one_line
-from uq.campaign.simulation import simulate
+from uq.cli.terminal.command_parser import CommandParser
+from uq.cli.terminal.common import start_jax
+from uq.cli.terminal.options import whole_number
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.terminal.command_parser import CommandParser
-from uq.terminal.common import start_jax
-from uq.terminal.options import whole_number
+from uq.monte_carlo.campaign.simulation import simulate
 
 
 def configure(parser: CommandParser) -> None:

@@ -18,13 +18,13 @@ import msgspec
 import numpy as np
 from jaxtyping import Array, Float
 
+from identify.display.reporting import Shown
+from identify.display.text_tables import Table
 from identify.motion.stewart_platform import StewartPlatform
 from identify.motion.trajectory import Trajectory
-from identify.reporting import Shown
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import Table
 from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
 from uq.experiment.arm_table import DeclaredArm

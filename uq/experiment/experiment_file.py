@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 import numpy as np
 
+from identify.display.rounding import common
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
-from identify.rounding import common
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.exceptions import quoted
 from rig.toml_tables import Name, TomlTable, WrongKeyError, written

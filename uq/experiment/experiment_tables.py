@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.text_tables import Table
 from uq.experiment.trajectory_table import TrajectorySpec
 from uq.sources.source import KINDS, Source, on_axes
 from uq.sources.source_table import WIDTHS

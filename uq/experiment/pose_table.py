@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import scipy
 
-from identify.estimators.covariance_matrices import root_of
+from identify.estimation.static_poses.accelerometer import Accelerometer, calibrate
+from identify.estimation.static_poses.pose_fit import Attitudes
+from identify.least_squares.covariance_matrices import root_of
 from identify.rigid_body.rotation import from_quaternion, nearest_rotation
 from identify.signals.run import RunError
-from identify.static.accelerometer import Accelerometer, calibrate
-from identify.static.pose_fit import Attitudes
 from rig.exceptions import quoted
 from rig.toml_tables import WrongKeyError, written
 from uq.files.csv_columns import ColumnsTable, QuaternionColumns

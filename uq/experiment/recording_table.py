@@ -2,7 +2,7 @@
 
 docs/how-to/recordings.md explains it.
 
-Nothing here touches a recording; :mod:`uq.recorded.load_run` applies it.
+Nothing here touches a recording; :mod:`uq.runs.recorded.load_run` applies it.
 """
 
 from dataclasses import fields
@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from identify import methods
 from identify.choices import CgMotion
-from identify.joint.priors import Alignment
+from identify.estimation import methods
+from identify.estimation.joint.priors import Alignment
 from identify.rigid_body.rotation import signed_order
 from rig.exceptions import quoted
 from rig.toml_tables import TomlTable, WrongKeyError, written

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.text_tables import enumerated
+from identify.display.text_tables import enumerated
 from uq.report.figures.style import display_name
 from uq.sources.source import KINDS, is_declared
 

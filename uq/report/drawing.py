@@ -4,7 +4,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-from identify.reporting import Drawing
+from identify.display.reporting import Drawing
 from uq.report.figures.style import STYLE
 
 

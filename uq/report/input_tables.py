@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from importlib import resources
 from typing import Any
 
-from identify.text_tables import Table
+from identify.display.text_tables import Table
 from uq.experiment.experiment import PRESETS
 from uq.experiment.experiment_tables import SOURCE_HEAD, size_of
 

@@ -19,8 +19,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from PIL import Image
 
-from identify.reporting import Drawing, Section, plain
-from identify.text_tables import Table
+from identify.display.reporting import Drawing, Section, plain
+from identify.display.text_tables import Table
 from rig.exceptions import on_its_lines
 from uq.report.certificate.front import number_of
 from uq.report.figures.style import COLUMN, DARK

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from identify.reporting import Result, Section
+from identify.display.reporting import Result, Section
 from uq.files.output_folder import place
 from uq.report.page import drawn, html, joined, json_text, number, rendered
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
+from identify.display.rounding import significant
 from identify.pytree import Pytree, static_field
-from identify.rounding import significant
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draw_figures import DrawFigures, figures, part_of
 from uq.sources.noise_filters import NoisePart

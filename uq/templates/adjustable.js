@@ -1,5 +1,5 @@
 // A table of sources whose figures can be changed, and what the law of propagation makes of them: 3σ and mean error by
-// source and component. The numbers are those of uq/propagation/adjustable_law.py, where the equations stand.
+// source and component. The numbers are those of uq/analysis/propagation/adjustable_law.py, where the equations stand.
 
 const POINTS = 4; // of the interpolation between levels of the gyro's noise
 

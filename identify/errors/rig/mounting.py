@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.display.rounding import significant
 from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, TypicalSize
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState, TrueMotion
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.rotation import exponentials
-from identify.rounding import significant
 
 
 def _numbers(hertz: float) -> np.ndarray:

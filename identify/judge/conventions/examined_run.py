@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import fixed, significant
 from identify.judge.conventions.axis_hypotheses import DECISIVE, Hypothesis
 from identify.judge.conventions.convention_fit import ConventionSums, DeclaredRig, Matrix, Vector
 from identify.judge.conventions.free_rotation import CERTAIN_SHIFT, tensor_about_centre
 from identify.judge.conventions.wrench_units import DRAWN
 from identify.judge.cure import Cure, Entries, Opposite
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, significant
 
 Packed = Float[np.ndarray, "6"]
 ON_SENSOR = Entries({"wrench": Opposite("on_sensor", "on_body")})

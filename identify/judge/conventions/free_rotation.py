@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import fixed, with_uncertainty
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.axis_hypotheses import (
     COSTS,
@@ -41,7 +42,6 @@ from identify.judge.conventions.convention_fit import (
 )
 from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential, rotation_vectors
-from identify.rounding import fixed, with_uncertainty
 
 Packed = Float[np.ndarray, "6"]
 BETWEEN = np.radians(35.0)

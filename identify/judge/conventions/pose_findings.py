@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimation.static_poses.centre_result import Centre
+from identify.estimation.static_poses.pose_fit import PoseSignals
 from identify.judge.conventions.axis_hypotheses import DECISIVE, EQUAL
 from identify.judge.conventions.convention_fit import (
     CONSTANT,
@@ -34,8 +36,6 @@ from identify.judge.conventions.wrench_units import BodyByWrench, other_units
 from identify.judge.cure import Entries
 from identify.judge.findings import Finding
 from identify.rigid_body.regressor import cross_matrices
-from identify.static.centre_result import Centre
-from identify.static.pose_fit import PoseSignals
 
 CHANGE = 20.0
 """Chi-square that each further change of the declarations of static poses must gain.

@@ -22,13 +22,13 @@ Look for a wrong r_CG, a cable, cross-talk of the load cell or a flexible mounti
 
 import numpy as np
 
-from identify.estimators.hausman import EstimateDifference
+from identify.display.rounding import significant
 from identify.judge.evidence import Base, spectrum
 from identify.judge.findings import Finding, signed
 from identify.judge.run_fit import RunFit
+from identify.least_squares.hausman import EstimateDifference
+from identify.least_squares.row_products import products
 from identify.results.declaration import ResidualCause
-from identify.rounding import significant
-from identify.sums.row_products import products
 
 DIFFERENT = 1e-6
 """Chance of as large a difference of ordinary least squares below which it counts.

@@ -27,15 +27,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import significant
 from identify.judge.findings import Finding
+from identify.least_squares.run_lines import rows_of
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
-from identify.rounding import significant
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
-from identify.sums.run_lines import rows_of
 
 SEGMENT = 2.0
 """Length of the segments whose spectra are averaged [s].

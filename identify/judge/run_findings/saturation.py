@@ -23,9 +23,9 @@ Move less, or take a sensor of a larger range.
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import significant
 from identify.judge.findings import Finding
 from identify.results.declaration import ResidualCause
-from identify.rounding import significant
 from identify.signals.run import Run
 
 FLAT = 10

@@ -9,8 +9,8 @@ from benchmarks.studies.design_bounds import bound_by_squares, excursion_mean_sq
 from identify.motion.multisine import Multisine
 from tests.helpers.platform_experiment import on_a_platform
 from uq.experiment.experiment import Experiment
-from uq.motion_design.hexapod.design_bound import design_bound
-from uq.motion_design.hexapod.rig_limits import resolved_limits
+from uq.plan.motion_design.hexapod.design_bound import design_bound
+from uq.plan.motion_design.hexapod.rig_limits import resolved_limits
 
 
 @pytest.mark.study

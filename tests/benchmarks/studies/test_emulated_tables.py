@@ -11,9 +11,9 @@ import pytest
 from benchmarks.studies.emulated_tables import Imperfections, emulated_tables, shared_error
 from identify.rigid_body.regressor import omega_r
 from uq import ExperimentError
-from uq.campaign.trial_setup import true_motion
 from uq.experiment.experiment import Experiment
-from uq.gram_sums.error_maps import WrenchBasis
+from uq.monte_carlo.campaign.trial_setup import true_motion
+from uq.monte_carlo.gram_sums.error_maps import WrenchBasis
 
 PERFECT = Imperfections(0.0, 0.0)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from identify.motion.serial_arm.joint_series import JointSeries
 from identify.rigid_body.inertia import Body
-from identify.serial_arm.joint_series import JointSeries
 from identify.signals.run import Run
 from uq.experiment.experiment import Experiment
-from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.mujoco_run import simulated
+from uq.plan.motion_design.arm.arm import Arm
+from uq.plan.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
 

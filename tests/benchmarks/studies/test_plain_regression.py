@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from identify.serial_arm.joint_series import JointSeries
+from identify.motion.serial_arm.joint_series import JointSeries
 from uq.experiment.experiment import Experiment
-from uq.motion_design.arm.arm import Arm
-from uq.motion_design.arm.mujoco_run import simulated
+from uq.plan.motion_design.arm.arm import Arm
+from uq.plan.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
 pytest.importorskip("pinocchio")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from identify.joint.joint_model import COUNT, SLICES, TEN
-from identify.joint.prior_departure import FAR
-from identify.joint.priors import ConstantError, Prior, indices
+from identify.estimation.joint.joint_model import COUNT, SLICES, TEN
+from identify.estimation.joint.prior_departure import FAR
+from identify.estimation.joint.priors import ConstantError, Prior, indices
+from identify.estimation.methods.base import Problem
 from identify.judge.held_errors import departing_declarations, pooled_change
 from identify.judge.run_fit import RunFit
-from identify.methods.base import Problem
 from identify.results.declaration import CONTRADICTED, contradiction
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_mechanics import MASS

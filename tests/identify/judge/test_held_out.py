@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identify.estimation.joint.priors import ConstantError
 from identify.exceptions import RunError
 from identify.identification import identify
-from identify.joint.priors import ConstantError
 from identify.judge import held_out
 from identify.results.held_out_result import LEVEL
 from identify.signals.estimator_spec import EstimatorSpec

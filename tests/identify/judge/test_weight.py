@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identify.estimation.joint.priors import Alignment
 from identify.identification import identify
-from identify.joint.priors import Alignment
 from identify.judge.judged_fits import lasting
 from tests.helpers import wrist_runs
 from tests.helpers.wrist_runs import MASS, R_CG, TENSOR, G, run

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 
-from identify.estimators.covariance_matrices import root_of
+from identify.least_squares.covariance_matrices import root_of
 from identify.results.ledger import Ledger, Row, drawn_row, mass_row, taken_off, tensor_row
 
 UNIT = np.eye(6)

@@ -10,8 +10,8 @@ import scipy
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from identify.estimation.joint.prior_departure import declaration
 from identify.identification import Identification
-from identify.joint.prior_departure import declaration
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertial_parameters import InertialParameters, Tensor
 from identify.rigid_body.rotation import from_axes
@@ -21,8 +21,8 @@ from uq import compare, load_reference
 from uq.bodies.normalised_error import joint_chi_squared, normalised_error
 from uq.bodies.other_conventions import suspicions
 from uq.bodies.reference import reference
-from uq.identification.tare import tared
 from uq.report.tables.comparison import findings
+from uq.runs.identification.tare import tared
 
 PACKED = np.triu_indices(3)
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identify.rounding import with_uncertainty
+from identify.display.rounding import with_uncertainty
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from tests.helpers.commands import SHORT, refused
 from uq.cli import main as cli
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.identification.identify_files import identify_files
+from uq.runs.identification.identify_files import identify_files
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -234,7 +234,7 @@ def test_packages_start_without_jax():
     """`inertia --help` and the rig never wait for JAX; the engine changes no global setting by being imported."""
     code = "import sys, uq, uq.cli.main, rig, rig.runs; assert 'jax' not in sys.modules, 'jax'"
     subprocess.run([sys.executable, "-c", code], check=True)
-    code = "import identify, uq.campaign.campaign, jax; assert not jax.config.jax_enable_x64"
+    code = "import identify, uq.monte_carlo.campaign.campaign, jax; assert not jax.config.jax_enable_x64"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
@@ -262,9 +262,9 @@ def test_a_command_starts_without_what_few_of_its_calls_use():
 @pytest.mark.parametrize(
     ("room", "slow"),
     [
-        *((room, "ndimage|signal|stats") for room in ("identify", "uq/recorded", "uq/identification")),
+        *((room, "ndimage|signal|stats") for room in ("identify", "uq/runs/recorded", "uq/runs/identification")),
         ("identify/judge", "interpolate|optimize|spatial"),
-        ("uq/identification", "interpolate|optimize|spatial"),
+        ("uq/runs/identification", "interpolate|optimize|spatial"),
     ],
 )
 def test_nothing_that_identifies_uses_the_slow_parts_of_scipy(room, slow):

@@ -24,11 +24,11 @@ from tests.helpers.driven_browser import Browser, needs_axe, needs_chromium
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.toml_text import toml_text
-from uq.motion_design.hexapod.design import Design, Start
-from uq.motion_design.hexapod.design_bound import DesignBound
-from uq.motion_design.hexapod.design_report import design_report
-from uq.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
-from uq.motion_design.hexapod.reference_trajectory import PredictedTrajectory
+from uq.plan.motion_design.hexapod.design import Design, Start
+from uq.plan.motion_design.hexapod.design_bound import DesignBound
+from uq.plan.motion_design.hexapod.design_report import design_report
+from uq.plan.motion_design.hexapod.designed_experiment import designed_files, trajectory_table
+from uq.plan.motion_design.hexapod.reference_trajectory import PredictedTrajectory
 from uq.report.figures.platform_scene import cuboid
 
 pytestmark = pytest.mark.usefixtures("results_follow_their_schema")

@@ -15,10 +15,10 @@ from rig.atomic_files import replacing
 from tests.helpers.rig_lab import ramp_run
 from uq.cli import inspect as inspect_command
 from uq.cli.main import LEAST_MEMORY, main
+from uq.cli.terminal.common import start_jax
 from uq.files.compilation_cache import cache_folder
 from uq.files.output_folder import place
-from uq.terminal.common import start_jax
-from uq.trials.checkpoint import Checkpoint
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 
 COMMAND = [sys.executable, "-m", "uq.cli.main"]
 

@@ -154,7 +154,7 @@ def test_xml_is_well_formed_whatever_the_run_is_called(form):
     assert r"\u001b" in text
 
 
-@pytest.mark.parametrize("module", ["numpy", "jax", "uq.terminal.processes"])
+@pytest.mark.parametrize("module", ["numpy", "jax", "uq.cli.terminal.processes"])
 def test_ctrl_c_while_python_imports_is_one_line(module):
     """When this module is there: of the first imports, of the middle, the last before the campaign."""
     command = [sys.executable, "-X", "importtime", "-m", "uq.cli.main", "paper"]

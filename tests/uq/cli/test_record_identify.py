@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.helpers.rig_lab import Recording, refused
-from uq.campaign.simulation import simulate
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.simulation import simulate
 
 EXAMPLES = Path(__file__).parents[3] / "uq" / "examples"
 E = "t1-10s.toml"
@@ -65,7 +65,7 @@ def test_a_second_process_that_dies_or_hangs_costs_no_sample(bench, number):
         recording.messages += recording.process.stderr.readline().decode()
     (bench / E).rename(bench / "away.toml")  # so that the end does not identify: that is the other test's
     children = Path(f"/proc/{recording.process.pid}/task/{recording.process.pid}/children").read_text().split()
-    (beside,) = [int(pid) for pid in children if "uq.live" in Path(f"/proc/{pid}/cmdline").read_text()]
+    (beside,) = [int(pid) for pid in children if "uq.runs.live" in Path(f"/proc/{pid}/cmdline").read_text()]
     os.kill(beside, number)
     time.sleep(2)
     try:

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from identify.estimators.gram import solve
+from identify.least_squares.gram import solve
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.gram_lab import accumulate
-from uq.campaign.trial_setup import true_motion
+from uq.monte_carlo.campaign.trial_setup import true_motion
 
 R = jnp.array([0.01, -0.02, 0.053])
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from uq.analysis.propagation.uncovered_sources import BeyondLawError
 from uq.cli.main import main
+from uq.cli.terminal.sources import shares_named
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.experiment.experiment_tables import left_out_note
-from uq.propagation.uncovered_sources import BeyondLawError
-from uq.terminal.sources import shares_named
 
 MANY = "uq/examples/many-errors.toml"
 

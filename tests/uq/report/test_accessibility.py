@@ -11,12 +11,12 @@ import pytest
 from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium
 from tests.helpers.report_tables import FULL, T1
 from tests.helpers.small_campaign import campaign, paper_result
-from uq.campaign.simulation import simulate
+from uq.analysis.propagation.experiment_law import law
 from uq.experiment.experiment import Experiment
-from uq.identification.identify_files import identify_files
-from uq.propagation.experiment_law import law
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.report.certificate.certificate import Certificate
 from uq.report.report_files import report
+from uq.runs.identification.identify_files import identify_files
 
 
 @pytest.fixture(scope="module")

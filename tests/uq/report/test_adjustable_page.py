@@ -11,7 +11,7 @@ import pytest
 from tests.helpers.adjustable_lab import bars, delays, shown
 from tests.helpers.browser import Reader
 from tests.helpers.driven_browser import Browser, needs_chromium
-from uq.propagation.experiment_law import law
+from uq.analysis.propagation.experiment_law import law
 from uq.report.report_files import report
 
 NUMBER = ".adjustable tbody tr:nth-child({}) input[type=number]"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tests.helpers.small_campaign import campaign, document
+from uq.analysis.propagation.law_result import LawResult
+from uq.analysis.sensitivity.budget_shares import BudgetResult
 from uq.experiment.experiment import Experiment
-from uq.planning.measurement_plan import plan_measurement
-from uq.propagation.law_result import LawResult
+from uq.plan.measurement.measurement_plan import plan_measurement
 from uq.report.assumptions import source_assumptions
-from uq.sensitivity.budget_shares import BudgetResult
 from uq.sources.distributions import Empirical, Rectangular, StudentT
 from uq.sources.draws import Mixing
 from uq.sources.kinds.scale import Scale

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import uq.report.report_files
-from identify.reporting import Drawing, Section
+from identify.display.reporting import Drawing, Section
+from identify.display.rounding import finest, with_uncertainty
 from identify.rigid_body.inertia import COMPONENTS
-from identify.rounding import finest, with_uncertainty
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.small_campaign import TRIALS, campaign, document, paper_result
-from uq.campaign.campaign import montecarlo
 from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.campaign import montecarlo
 from uq.report.figures.style import DARK
 from uq.report.input_tables import inferred
 from uq.report.page import inline, joined, json_text

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 
 import identify
 import uq
-from identify.reporting import Result
-from identify.views import part_of_view
+from identify.display.reporting import Result
+from identify.display.views import part_of_view
 from tests.helpers.pose_lab import series
 from tests.helpers.small_campaign import campaign
 from tests.helpers.weighing import Weighed, weighing
-from uq.propagation.law_of_propagation import propagate
+from uq.analysis.propagation.law_of_propagation import propagate
 from uq.report.views import VIEWS
 from uq.sources.distributions import Normal
 

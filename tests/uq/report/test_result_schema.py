@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identify.static.centre_result import Centre
+from identify.estimation.static_poses.centre_result import Centre
 from tests.helpers.result_schema import contradictions, validators
 
 OLD = sorted((Path(__file__).parents[2] / "result_files").glob("*.json"))

@@ -11,13 +11,13 @@ from scipy import stats
 
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
 from tests.helpers.source_lab import one_trial as plain_trial
-from uq.campaign.campaign import SamplingPlan, montecarlo
-from uq.campaign.simulation import simulate
-from uq.campaign.trial_setup import prepare_engine, setting_of
+from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.trial_setup import prepare_engine, setting_of
+from uq.monte_carlo.trials import trial_loop
+from uq.monte_carlo.trials.samples_engine import prepare_samples, smooth_signals
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
-from uq.trials import trial_loop
-from uq.trials.samples_engine import prepare_samples, smooth_signals
 
 THREE = {
     "N": ["1 N", "-2 N", "3 N"], "N*m": ["0.1 N*m", "-0.2 N*m", "0.3 N*m"], "rad/s": ["1 mrad/s", "-2 mrad/s", "3 mrad/s"],

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from identify.methods.base import estimator_of
-from identify.reporting import Drawing, Result, Section, section_of
+from identify.display.reporting import Drawing, Result, Section, section_of
+from identify.display.text_tables import Table, sentence
+from identify.estimation.methods.base import estimator_of
 from identify.results.identification_result import Identification
 from identify.results.ledger import CONVENTIONAL, QUANTITIES
-from identify.text_tables import Table, sentence
-from uq.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.experiment.conformity import RULES, Decision, decide
 from uq.experiment.report_table import Report, read
+from uq.monte_carlo.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.report.certificate import checks, tables
 from uq.report.certificate.front import Front, front, not_stated
 from uq.report.input_tables import source_tables

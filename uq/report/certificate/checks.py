@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identify.display.rounding import fixed, significant
 from identify.results.identification_result import Identification
 from identify.results.ledger import LARGEST_SHARE
 from identify.rigid_body.inertia import GRAM_METRE
 from identify.rigid_body.principal_axes import principal
-from identify.rounding import fixed, significant
 
 HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from identify.text_tables import Table
+from identify.display.text_tables import Table
 from uq.experiment.report_table import Instrument, Report
 
 MISSING = "not stated"

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
+from identify.display.text_tables import Table, sentence
 from identify.results.alignment import Aligned
 from identify.results.identification_result import MISFIT, Identification
 from identify.results.ledger import CONVENTIONAL
@@ -13,11 +15,9 @@ from identify.results.mass_and_centre import NAMES, UNITS
 from identify.results.weak_components import UNDETERMINED
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
-from identify.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
-from identify.text_tables import Table, sentence
-from uq.coverage.expanded_uncertainty import HEAD, Expanded, of_parameters
 from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
+from uq.monte_carlo.coverage.expanded_uncertainty import HEAD, Expanded, of_parameters
 from uq.report.certificate import checks
 from uq.report.certificate.front import MISSING
 from uq.report.figures.style import display_name

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
+from uq.analysis.sensitivity.budget_shares import COLUMNS, SourceBudget
 from uq.report.figures.style import (
     FILL,
     GRID,
@@ -19,7 +20,6 @@ from uq.report.figures.style import (
     on,
     stacked,
 )
-from uq.sensitivity.budget_shares import COLUMNS, SourceBudget
 
 BIAS, DISPERSION = PALETTE[0], FILL
 

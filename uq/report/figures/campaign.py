@@ -12,9 +12,9 @@ from matplotlib.figure import FigureBase
 from matplotlib.markers import TICKDOWN
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from identify.display.rounding import significant
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import significant
-from uq.campaign.statistics import OfCase
+from uq.monte_carlo.campaign.statistics import OfCase
 from uq.report.figures.style import (
     COLUMN,
     GRID,

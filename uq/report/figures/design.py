@@ -10,11 +10,11 @@ from matplotlib.figure import FigureBase
 
 from identify.motion.leg_limits import Effort, Limits, shares
 from identify.rigid_body.inertia import GRAM_METRE
-from uq.campaign.statistics import Breakdown
-from uq.motion_design.arm.arm_design import ArmDesign
-from uq.planning.required_duration import average
-from uq.planning.sensor_worth import BOTH
-from uq.propagation.law_result import LawStatistics
+from uq.analysis.propagation.law_result import LawStatistics
+from uq.monte_carlo.campaign.statistics import Breakdown
+from uq.plan.measurement.required_duration import average
+from uq.plan.measurement.sensor_worth import BOTH
+from uq.plan.motion_design.arm.arm_design import ArmDesign
 from uq.report.figures.style import MOST, PAGE, PALETTE, display_name, label, legend_above, new_figure
 
 LEG_COLOURS = PALETTE[:6]

@@ -7,8 +7,8 @@ from matplotlib.figure import FigureBase
 from matplotlib.ticker import ScalarFormatter, StrMethodFormatter
 
 from identify.rigid_body.inertia import GRAM_METRE
-from uq.planning.required_duration import Growth, average
-from uq.planning.sensor_worth import BOTH
+from uq.plan.measurement.required_duration import Growth, average
+from uq.plan.measurement.sensor_worth import BOTH
 from uq.report.figures.style import PAGE, PALETTE, RULE, display_name, label, new_figure
 
 

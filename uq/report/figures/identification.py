@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
+from identify.display.rounding import decimals, fixed, significant
+from identify.least_squares.residual_spectrum import Trace
 from identify.results.run_estimate import RunEstimate
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import decimals, fixed, significant
-from identify.sums.residual_spectrum import Trace
 from uq.report.figures.style import PAGE, PALETTE, coloured_parts, label, legend_above, new_figure, stacked
 
 

@@ -11,9 +11,9 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
-from uq.barreto2016 import PaperResult
-from uq.campaign.campaign_result import MonteCarloResult, average
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples, turn_rates
+from uq.monte_carlo.barreto2016 import PaperResult
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult, average
 from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
 from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, legend_above, new_figure
 

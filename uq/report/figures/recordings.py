@@ -7,8 +7,8 @@ from jaxtyping import Float
 from matplotlib.figure import FigureBase
 from matplotlib.ticker import MaxNLocator
 
-from uq.recorded.still_noise import TARGETS, ChannelNoise
 from uq.report.figures.style import AXIS_COLOURS, COLUMN, PAGE, PALETTE, legend_above, new_figure
+from uq.runs.recorded.still_noise import TARGETS, ChannelNoise
 
 
 def followed(t: Float[np.ndarray, " n"], plan: np.ndarray, measured: np.ndarray) -> FigureBase:

@@ -6,7 +6,7 @@ In Okabe and Ito's colours, which colour-blind readers tell apart. Matplotlib is
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from identify.reporting import PLACE
+from identify.display.reporting import PLACE
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
@@ -107,7 +107,7 @@ def on(colour: str) -> str:
 
 
 def new_figure(width: float, height: float, **options: Any) -> "FigureBase":
-    """Return an empty figure of this size [in], or what :func:`identify.reporting.drawn_in` names in its place."""
+    """Return an empty figure of this size [in], or what ``drawn_in`` of a result names in its place."""
     from matplotlib.figure import Figure
 
     place = PLACE.get()

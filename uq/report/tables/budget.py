@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from identify.reporting import Drawing, Section, section_of, stem
+from identify.display.reporting import Drawing, Section, section_of, stem
+from identify.display.rounding import finest, with_uncertainty
+from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import finest, with_uncertainty
-from identify.text_tables import Table
+from uq.analysis.sensitivity.budget_shares import FEW_PAIRS, TENSOR, BudgetResult, Effects, SourceBudget
 from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
 from uq.report.input_tables import source_tables
 from uq.report.tables.cases import case_table, grams, rows_of
-from uq.sensitivity.budget_shares import FEW_PAIRS, TENSOR, BudgetResult, Effects, SourceBudget
 
 SMALL = 5e-4
 """Share of the tensor's variance below which sources are counted together; budget.csv holds all."""

@@ -4,15 +4,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from identify.reporting import Drawing, stem
+from identify.display.reporting import Drawing, stem
+from identify.display.rounding import finest, fixed, significant, with_uncertainty
+from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import finest, fixed, significant, with_uncertainty
-from identify.text_tables import Table
-from uq.campaign.statistics import Breakdown, ByTrajectory, OfCase, large_mean_error
-from uq.propagation.law_result import LawStatistics
+from uq.analysis.propagation.law_result import LawStatistics
+from uq.analysis.sensitivity.budget_shares import MeanSquare
+from uq.monte_carlo.campaign.statistics import Breakdown, ByTrajectory, OfCase, large_mean_error
 from uq.report.drawing import drawing
 from uq.report.figures.style import LINES
-from uq.sensitivity.budget_shares import MeanSquare
 
 PAIR = ("trajectory", "estimator")
 """Heads of the columns that name a case of several trajectories and estimators."""

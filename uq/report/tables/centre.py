@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from identify.reporting import Drawing, Section, section_of, uncaptioned
-from identify.rounding import fixed, rounded, significant, with_uncertainty
-from identify.static.centre_result import PARAMETERS, UNITS, Centre
-from identify.text_tables import Table, sentence
+from identify.display.reporting import Drawing, Section, section_of, uncaptioned
+from identify.display.rounding import fixed, rounded, significant, with_uncertainty
+from identify.display.text_tables import Table, sentence
+from identify.estimation.static_poses.centre_result import PARAMETERS, UNITS, Centre
 from uq.report.drawing import drawing
 from uq.report.tables.identification import BOUND
 

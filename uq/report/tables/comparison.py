@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from identify.reporting import Section, section_of, uncaptioned
+from identify.display.reporting import Section, section_of, uncaptioned
+from identify.display.rounding import exact, fixed, rounded, significant, with_uncertainty
+from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import exact, fixed, rounded, significant, with_uncertainty
-from identify.text_tables import Table
 from uq.bodies.comparison import Comparison
 from uq.bodies.normalised_error import USUAL
 

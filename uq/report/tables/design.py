@@ -7,23 +7,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from identify.display.reporting import Drawing, Section, section_of, uncaptioned
+from identify.display.rounding import common, fixed, significant
+from identify.display.text_tables import Table, sentence
 from identify.motion.limit_peaks import Peak
-from identify.reporting import Drawing, Section, section_of, uncaptioned
 from identify.results import measured_directions
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import common, fixed, significant
-from identify.text_tables import Table, sentence
-from uq.motion_design.arm.arm_report import ArmDesignReport
-from uq.motion_design.commanded import PlatformCommand
-from uq.motion_design.hexapod.design import Design
-from uq.motion_design.hexapod.design_report import DesignReport
-from uq.motion_design.hexapod.designed_experiment import NAME
-from uq.motion_design.hexapod.motion_export import MEANING, MotionExport
-from uq.motion_design.motion_formats import formats
-from uq.motion_design.report import MotionReport
-from uq.planning.platform_run import effort_of, motion_at
-from uq.planning.required_duration import average
-from uq.planning.sensor_worth import BOTH
+from uq.plan.measurement.platform_run import effort_of, motion_at
+from uq.plan.measurement.required_duration import average
+from uq.plan.measurement.sensor_worth import BOTH
+from uq.plan.motion_design.arm.arm_report import ArmDesignReport
+from uq.plan.motion_design.commanded import PlatformCommand
+from uq.plan.motion_design.hexapod.design import Design
+from uq.plan.motion_design.hexapod.design_report import DesignReport
+from uq.plan.motion_design.hexapod.designed_experiment import NAME
+from uq.plan.motion_design.hexapod.motion_export import MEANING, MotionExport
+from uq.plan.motion_design.motion_formats import formats
+from uq.plan.motion_design.report import MotionReport
 from uq.report.drawing import drawing
 from uq.report.figures.platform_scene import FRAMES, Scene, scene
 from uq.report.figures.style import AXIS_COLOURS

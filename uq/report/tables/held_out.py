@@ -1,9 +1,9 @@
 """The view of a held-out prediction: errors by axis and by run beside what explains them."""
 
-from identify.reporting import Drawing
+from identify.display.reporting import Drawing
+from identify.display.rounding import fixed, significant, with_uncertainty
+from identify.display.text_tables import Table
 from identify.results.held_out_result import FORCE, MOMENT, HeldOut
-from identify.rounding import fixed, significant, with_uncertainty
-from identify.text_tables import Table
 from uq.report.drawing import drawing
 
 

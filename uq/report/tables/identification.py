@@ -5,8 +5,19 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimators import offsets
-from identify.reporting import PAGE, Drawing, Section, section_of
+from identify.display.reporting import PAGE, Drawing, Section, section_of
+from identify.display.rounding import (
+    beside_uncertainty,
+    common,
+    decimals,
+    exact,
+    fixed,
+    interval,
+    significant,
+    with_uncertainty,
+)
+from identify.display.text_tables import Table, sentence
+from identify.least_squares import offsets
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
 from identify.results.identification_result import Identification
@@ -17,17 +28,6 @@ from identify.rigid_body.fixture import Tare
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.rigid_body.principal_axes import principal_axes
-from identify.rounding import (
-    beside_uncertainty,
-    common,
-    decimals,
-    exact,
-    fixed,
-    interval,
-    significant,
-    with_uncertainty,
-)
-from identify.text_tables import Table, sentence
 from uq.experiment.undeclared_table import UndeclaredTable
 from uq.report.drawing import drawing
 

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+from identify.display.reporting import Drawing, Section, section_of
+from identify.display.text_tables import Table
 from identify.floating_point import MESSAGE
-from identify.reporting import Drawing, Section, section_of
-from identify.text_tables import Table
-from uq.propagation.law_result import LawResult
+from uq.analysis.propagation.law_result import LawResult
 from uq.report.assumptions import source_assumptions
 from uq.report.input_tables import source_tables
 from uq.report.tables.cases import PAIR, breakdown_drawings, case_table, rows_of, verdict_on_mean_errors

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.reporting import Section, section_of
+from identify.display.reporting import Section, section_of
+from identify.display.rounding import fixed, rounded, significant, with_uncertainty
+from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import fixed, rounded, significant, with_uncertainty
-from identify.text_tables import Table
-from uq.campaign.campaign_result import MonteCarloResult
-from uq.coverage.coverage_intervals import Verdict
-from uq.propagation.law_result import LawResult
-from uq.propagation.law_validation import (
+from uq.analysis.propagation.law_result import LawResult
+from uq.analysis.propagation.law_validation import (
     MANY_ERRORS,
     PROBABILITY,
     LawValidation,
@@ -21,6 +19,8 @@ from uq.propagation.law_validation import (
     undecided,
     words_of,
 )
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.coverage.coverage_intervals import Verdict
 from uq.report.tables.cases import PAIR, grams
 
 

@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from identify.joint.cramer_rao_bound import Bound
-from identify.reporting import Drawing, Section, uncaptioned
+from identify.display.reporting import Drawing, Section, uncaptioned
+from identify.display.rounding import beside_uncertainty, common_power, in_power, rounded, significant, with_uncertainty
+from identify.display.text_tables import Table
+from identify.estimation.joint.cramer_rao_bound import Bound
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import InertialParameters
-from identify.rounding import beside_uncertainty, common_power, in_power, rounded, significant, with_uncertainty
-from identify.text_tables import Table
+from uq.analysis.propagation.law_of_propagation import LinearLaw
+from uq.analysis.propagation.propagation_of_distributions import Propagation
+from uq.analysis.sensitivity.sobol_shapley import Sensitivity
+from uq.analysis.sensitivity.variance_shares import Indices
 from uq.bodies.export import Exported
 from uq.bodies.reference import Reference
 from uq.files.units import printed
-from uq.propagation.law_of_propagation import LinearLaw
-from uq.propagation.propagation_of_distributions import Propagation
-from uq.recorded.still_noise import StillNoise
 from uq.report.drawing import drawing
-from uq.sensitivity.sobol_shapley import Sensitivity
-from uq.sensitivity.variance_shares import Indices
+from uq.runs.recorded.still_noise import StillNoise
 from uq.sources.quasi_random import REPLICATES
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.reporting import Drawing, Section, section_of
+from identify.display.reporting import Drawing, Section, section_of
+from identify.display.rounding import exact, fixed, significant
+from identify.display.text_tables import Table, sentence
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rounding import exact, fixed, significant
-from identify.text_tables import Table, sentence
-from uq.planning.measurement_plan import MeasurementPlan
-from uq.planning.required_duration import Duration, average
-from uq.planning.sensor_worth import BOTH, NEGLIGIBLE, SensorWorth
+from uq.plan.measurement.measurement_plan import MeasurementPlan
+from uq.plan.measurement.required_duration import Duration, average
+from uq.plan.measurement.sensor_worth import BOTH, NEGLIGIBLE, SensorWorth
 from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
 from uq.report.input_tables import source_tables

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.reporting import Section, section_of
-from identify.rounding import fixed, significant
-from identify.static.centre_result import PARAMETERS, UNITS
-from identify.text_tables import Table
-from uq.planning.pose_plan import PosePlan
+from identify.display.reporting import Section, section_of
+from identify.display.rounding import fixed, significant
+from identify.display.text_tables import Table
+from identify.estimation.static_poses.centre_result import PARAMETERS, UNITS
+from uq.plan.measurement.pose_plan import PosePlan
 
 
 def tables(plan: PosePlan) -> list[Table]:

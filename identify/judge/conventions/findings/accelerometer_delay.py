@@ -20,9 +20,9 @@ better than anything else that is looked for. A delay of the whole IMU is the ca
 Set `accelerometer_delay` in `[recording]`, or give gyro and accelerometer the same filter, which is better.
 """
 
+from identify.display.rounding import fixed
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
-from identify.rounding import fixed
 
 
 class AccelerometerLags(Finding):

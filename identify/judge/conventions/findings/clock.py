@@ -23,6 +23,7 @@ again.
 
 import numpy as np
 
+from identify.display.rounding import fixed
 from identify.judge.conventions import convention_fit
 from identify.judge.conventions.convention_fit import (
     FORCE,
@@ -37,7 +38,6 @@ from identify.judge.conventions.convention_fit import (
 )
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
-from identify.rounding import fixed
 
 LEAST_OFFSET = 0.05
 """Difference between the delays from stamp to log that is worth a look [s].

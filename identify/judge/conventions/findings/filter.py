@@ -28,6 +28,7 @@ from functools import partial
 
 import numpy as np
 
+from identify.display.rounding import significant
 from identify.judge.conventions.axis_hypotheses import DECISIVE
 from identify.judge.conventions.convention_fit import (
     SMOOTHING,
@@ -41,7 +42,6 @@ from identify.judge.conventions.posed_force import LONGEST_LAG, ZERO, GravityFit
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
-from identify.rounding import significant
 
 STEPS = 3
 """Linear steps to delay and time constant.

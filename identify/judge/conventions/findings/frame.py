@@ -26,11 +26,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import fixed
 from identify.judge.conventions.convention_fit import Matrix
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 from identify.rigid_body.rotation import exponential
-from identify.rounding import fixed
 
 LEAST_YAW = np.radians(3.0)
 """Turn about the vertical from which the axes of the wrench are not those of the attitude.

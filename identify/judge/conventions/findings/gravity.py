@@ -24,13 +24,13 @@ force: the message has a line for each.
 
 import numpy as np
 
+from identify.display.rounding import with_uncertainty
 from identify.judge.conventions.convention_fit import Vector
 from identify.judge.conventions.free_rotation import COVERAGE
 from identify.judge.conventions.posed_force import GravityFit
 from identify.judge.conventions.removed_weight import CERTAIN
 from identify.judge.cure import Cure, Entries, Opposite
 from identify.judge.findings import Finding
-from identify.rounding import with_uncertainty
 
 LEAST_ANGLE = np.radians(3.0)
 """Angle between the weight and the declared gravity from which another gravity is named.

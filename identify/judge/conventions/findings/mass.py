@@ -29,9 +29,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
+from identify.display.rounding import fixed, significant
 from identify.judge.conventions.posed_force import PosedForce
 from identify.judge.findings import Finding
-from identify.rounding import fixed, significant
 
 MASS_TOLERANCE = 0.15
 """Departure of the force at rest from the declared weight that is no finding.

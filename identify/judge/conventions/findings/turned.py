@@ -28,6 +28,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from identify.display.rounding import fixed
 from identify.judge.conventions.axis_hypotheses import Scales, misalignment
 from identify.judge.conventions.convention_fit import Matrix, Vector
 from identify.judge.conventions.examined_run import ON_SENSOR, ExaminedRun
@@ -42,7 +43,6 @@ from identify.judge.conventions.free_rotation import (
 from identify.judge.cure import Cure, Entries, as_well
 from identify.judge.findings import Finding
 from identify.rigid_body.rotation import exponential
-from identify.rounding import fixed
 
 
 class Turned(Finding):

@@ -28,6 +28,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from identify.display.rounding import significant
 from identify.judge.conventions.axis_hypotheses import Scales
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.examined_run import ExaminedRun
@@ -46,7 +47,6 @@ from identify.judge.conventions.wrench_units import (
 )
 from identify.judge.cure import Cure, Entries, as_well
 from identify.judge.findings import Finding
-from identify.rounding import significant
 
 
 class AccelerationInG(Finding):

@@ -27,6 +27,7 @@ Record without compensation, and zero the load cell without the body. Otherwise 
 
 from collections.abc import Iterator
 
+from identify.display.rounding import significant, with_uncertainty
 from identify.judge.conventions.axis_hypotheses import Scales
 from identify.judge.conventions.convention_fit import DeclaredRig
 from identify.judge.conventions.examined_run import ExaminedRun
@@ -41,7 +42,6 @@ from identify.judge.conventions.removed_weight import (
 )
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
-from identify.rounding import significant, with_uncertainty
 
 LEAST_SHARE = 0.1
 """Part of the mass that the weight must lack or have too much to be named.

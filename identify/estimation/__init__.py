@@ -1,0 +1,1 @@
+"""Estimators: from runs, static poses and priors to the tensor."""

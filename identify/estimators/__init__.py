@@ -1,1 +1,0 @@
-"""Gram sums, (generalised) least squares, offsets, admissible tensors, pooling."""

@@ -1,0 +1,1 @@
+"""Uncertainty without trials, and its parts: propagation, sensitivity."""

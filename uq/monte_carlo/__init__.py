@@ -1,0 +1,1 @@
+"""Monte Carlo: trials of an experiment, their statistics and coverage."""

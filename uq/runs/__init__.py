@@ -1,0 +1,1 @@
+"""Recorded runs: from files and tables to signals, findings, and the tensor with its uncertainty."""
