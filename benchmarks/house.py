@@ -114,34 +114,45 @@ def _nodes() -> Iterator[tuple[Path, ast.AST]]:
 
 
 def floors(package: str) -> list[list[str]]:
-    """Return a package's floors from above, each the names that stand side by side, as the import linter holds them."""
+    """Return the floors of a package or wing from above, those side by side in a list, as the import linter has them.
+
+    Empty: no contract states an order.
+    """
     with open(ROOT / "pyproject.toml", "rb") as file:
         contracts = tomllib.load(file)["tool"]["importlinter"]["contracts"]
-    (contract,) = (each for each in contracts if each.get("containers") == [package])
-    return [[name.strip() for name in layer.split("|")] for layer in contract["layers"]]
+    layers = next((each["layers"] for each in contracts if each.get("containers") == [package]), [])
+    return [[name.strip() for name in layer.split("|")] for layer in layers]
 
 
 def place(package: str, name: str) -> Path:
     """Return a room's folder, or the module of that name beside the rooms."""
-    folder = ROOT / package / name
+    folder = ROOT.joinpath(*package.split("."), name)
     return folder if folder.is_dir() else folder.with_suffix(".py")
 
 
-def purpose(package: str, name: str) -> str:
+def purpose(path: Path) -> str:
     """Return the first line of a room's or module's docstring."""
-    path = place(package, name)
     path = path / "__init__.py" if path.is_dir() else path
     return (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").split("\n")[0].replace("``", "`")
 
 
 def listing() -> str:
-    """Return rooms and modules beside them, with what each is for; what imports stands above what it imports."""
+    """Return wings, rooms and modules beside them, with what each is for; what imports stands above what it imports."""
     text = []
     for package in PACKAGES:
-        names = [name for floor in floors(package) for name in floor]
-        text += ["", f"## {package}", ""]
-        text += [f"- `{place(package, name).relative_to(ROOT / package)}`: {purpose(package, name)}" for name in names]
+        text += ["", f"## {package}", "", *entries(package)]
     return "\n".join([*text[1:], ""])
+
+
+def entries(package: str) -> Iterator[str]:
+    """Return a line for each part of a package or wing, its own parts indented below it."""
+    listed = [name for floor in floors(package) for name in floor]
+    folder = ROOT.joinpath(*package.split("."))
+    rooms = sorted(path.parent.name for path in folder.glob("*/__init__.py"))
+    for name in listed or rooms:
+        path, indent = place(package, name), "  " * package.count(".")
+        yield f"{indent}- `{path.relative_to(folder)}`: {purpose(path)}"
+        yield from entries(f"{package}.{name}")
 
 
 def page_with_listing() -> str:
