@@ -11,7 +11,7 @@ TESTS ?= not study and not slow
 WHERE ?= notebooks tests
 # Functions of arrays or bytes alone, and every command once.
 QUICK := $(addprefix tests/,identify/motion identify/rigid_body identify/motion/serial_arm identify/signals rig/devices rig/mcap \
-    uq/montecarlo/coverage uq/cli/test_every_command.py)
+    uq/monte_carlo/coverage uq/cli/test_every_command.py)
 
 .PHONY: env paper quick test test-all check unit axe bench study docs fuzz lock dist clean
 

@@ -23,7 +23,7 @@ jax.config.update("jax_enable_x64", True)
 
 from identify.display.text_tables import text_table  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
-from uq.montecarlo.campaign.simulation import simulate  # noqa: E402
+from uq.monte_carlo.campaign.simulation import simulate  # noqa: E402
 
 HERE = Path(__file__).parents[1]
 REFERENCE = ["-c", "import jax, jax.numpy as n; n.ones(3) + 1"]

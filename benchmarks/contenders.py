@@ -9,11 +9,11 @@ import numpy as np
 
 from benchmarks import reference, sums_in_numpy, vectorised
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
-from uq.montecarlo.campaign.trial_setup import prepare_engine
-from uq.montecarlo.gram_sums.cases import cases_of
-from uq.montecarlo.trials.chooser import EngineName
-from uq.montecarlo.trials.engine import Engine
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.trial_setup import prepare_engine
+from uq.monte_carlo.gram_sums.cases import cases_of
+from uq.monte_carlo.trials.chooser import EngineName
+from uq.monte_carlo.trials.engine import Engine
 
 TRAJECTORIES = ("T1", "T2", "T3", "T4")
 LABELS = {

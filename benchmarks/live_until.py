@@ -17,7 +17,7 @@ from rig.bags.growing_file import GrowingFile
 from rig.mcap.message_definitions import IMU, WRENCH
 from uq.cli.terminal.common import start_jax
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.plan.measurement.required_duration import growth_of, lasting, required_duration
 from uq.runs.identification.systematic_errors import nodes_of
 from uq.runs.live import live_estimate

@@ -19,8 +19,8 @@ def worker(core: int, port: int, processes: int, process: int) -> None:
     os.sched_setaffinity(0, {core})
     from uq.cli.terminal.common import start_jax
     from uq.experiment.experiment import Experiment
-    from uq.montecarlo.campaign.campaign import SamplingPlan, montecarlo
-    from uq.montecarlo.trials import joined_processes as cluster
+    from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
+    from uq.monte_carlo.trials import joined_processes as cluster
 
     start_jax()
     if processes > 1:

@@ -23,7 +23,7 @@ from identify.display.text_tables import text_table  # noqa: E402
 from uq.analysis.propagation.propagation_of_distributions import propagate_distributions  # noqa: E402
 from uq.analysis.sensitivity.sobol_shapley import Sensitivity, shapley, sobol  # noqa: E402
 from uq.experiment.experiment import Experiment  # noqa: E402
-from uq.montecarlo.campaign.campaign import SamplingPlan, montecarlo  # noqa: E402
+from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo  # noqa: E402
 from uq.sources.distributions import Distribution, Normal, Rectangular  # noqa: E402
 from uq.sources.quasi_random import Points  # noqa: E402
 

@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.contenders import trials_of
 from identify.display.text_tables import text_table
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.montecarlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
-from uq.montecarlo.campaign.trial_setup import prepare_engine
+from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.trial_setup import prepare_engine
 
 TRIALS, SAMPLES = (1_000, 10_000, 100_000, 1_000_000), (4_000, 20_000, 72_000, 400_000, 2_000_000)
 RATE = 400

@@ -1,6 +1,6 @@
 """Trials on sums in plain NumPy, many at a time, for the preset's errors.
 
-The algorithm is that of :mod:`uq.montecarlo.trials.sums_engine`.
+The algorithm is that of :mod:`uq.monte_carlo.trials.sums_engine`.
 
 The product's set-up is taken: sums of the noise-free run, what noise adds to their expectation, and the root of the
 covariance of what they fluctuate by. What a trial does with them is written anew.
@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from benchmarks.vectorised import mapped, solved
-from uq.montecarlo.trials.sums_engine import SumsEngine
+from uq.monte_carlo.trials.sums_engine import SumsEngine
 
 BATCH = 1000
 """Trials at a time, which was fastest."""

@@ -2,7 +2,7 @@
 
 No blocks, no sums: each trial draws every sample, differentiates, stacks Omega_R and solves least squares, once for
 each group of error sources. Run it: ``python docs/reference_trial.py``. Every engine of ``uq`` gives the same, far
-faster (``tests/uq/montecarlo/trials/test_reference_trial.py``).
+faster (``tests/uq/monte_carlo/trials/test_reference_trial.py``).
 """
 
 from dataclasses import replace

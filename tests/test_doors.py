@@ -59,6 +59,11 @@ def test_the_page_lists_the_names_that_stay():
     assert all(f"`{name}`" in section for names in ALIASES.values() for name in names)
 
 
+def test_a_public_name_is_no_folder():
+    """Importing anything from a folder of that name would put the folder in the name's place."""
+    assert not [(package, name) for package, name in DOORS if (ROOT / package / name).is_dir()]
+
+
 def test_an_alias_is_what_its_room_has():
     for package, names in ALIASES.items():
         assert names <= set(importlib.import_module(package).__all__)

@@ -18,7 +18,7 @@ import serial
 from rig.record import port, recording_file, session, terminal
 from rig.record.rig_file import Rig
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.trials.checkpoint import Checkpoint
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 
 ROOT = Path(__file__).parent.parent
 HIDE = """

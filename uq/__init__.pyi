@@ -9,12 +9,12 @@ from .bodies.export import export as export
 from .bodies.reference import load_reference as load_reference
 from .experiment.experiment import Experiment as Experiment
 from .files.mistakes import ExperimentError as ExperimentError
-from .montecarlo.barreto2016 import paper as paper
-from .montecarlo.campaign.campaign import RunOptions as RunOptions
-from .montecarlo.campaign.campaign import SamplingPlan as SamplingPlan
-from .montecarlo.campaign.campaign import montecarlo as montecarlo
-from .montecarlo.campaign.campaign_result import MonteCarloResult as MonteCarloResult
-from .montecarlo.campaign.simulation import simulate as simulate
+from .monte_carlo.barreto2016 import paper as paper
+from .monte_carlo.campaign.campaign import RunOptions as RunOptions
+from .monte_carlo.campaign.campaign import SamplingPlan as SamplingPlan
+from .monte_carlo.campaign.campaign import montecarlo as montecarlo
+from .monte_carlo.campaign.campaign_result import MonteCarloResult as MonteCarloResult
+from .monte_carlo.campaign.simulation import simulate as simulate
 from .plan.measurement.explore import explore as explore
 from .plan.measurement.pose_plan import plan_poses as plan_poses
 from .plan.measurement.required_duration import required_duration as required_duration
@@ -37,6 +37,6 @@ from .sources.distributions import Rectangular as Rectangular
 
 # isort: split
 # Until 0.3: names of version 0.1, whose place is their room.
-from .montecarlo.barreto2016 import PaperResult as PaperResult
-from .montecarlo.campaign.simulation import SimulatedRun as SimulatedRun
+from .monte_carlo.barreto2016 import PaperResult as PaperResult
+from .monte_carlo.campaign.simulation import SimulatedRun as SimulatedRun
 from .sources.source import Source as Source

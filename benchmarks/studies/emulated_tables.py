@@ -22,10 +22,10 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCT
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import provenance
-from uq.montecarlo.campaign.trial_setup import setting_of
-from uq.montecarlo.gram_sums.cases import Case
-from uq.montecarlo.trials.samples_engine import SamplesEngine, prepare_samples, sampled_trial
-from uq.montecarlo.trials.trial_loop import all_trials
+from uq.monte_carlo.campaign.trial_setup import setting_of
+from uq.monte_carlo.gram_sums.cases import Case
+from uq.monte_carlo.trials.samples_engine import SamplesEngine, prepare_samples, sampled_trial
+from uq.monte_carlo.trials.trial_loop import all_trials
 from uq.progress_bar import Progress, progress_of
 from uq.sources.draws import draw_constants
 from uq.sources.random_normals import Index

@@ -20,7 +20,7 @@ from identify.results.ledger import Undeclared
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import MISTAKES
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.identification.static_centre import centre_file
 

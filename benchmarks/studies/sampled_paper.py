@@ -15,8 +15,8 @@ from benchmarks.scaling import lasting
 from identify.display.rounding import with_uncertainty
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE, MOMENTS, PRODUCTS
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult, average
+from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult, average
 
 BY_SAMPLES = SamplingPlan(engine="samples", dtype="float32")
 ROUNDING = 1e-7

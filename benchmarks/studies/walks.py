@@ -27,7 +27,7 @@ jax.config.update("jax_enable_x64", True)
 
 from rig import Recorder, load_rig, read, write  # noqa: E402
 from uq import Experiment, identify_files, montecarlo, simulate  # noqa: E402
-from uq.montecarlo.barreto2016 import average_three_sigma  # noqa: E402
+from uq.monte_carlo.barreto2016 import average_three_sigma  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("uq/", "identify/", "rig/")

@@ -1,1 +1,1 @@
-"""How numbers, tables and figures of a result are shown: terminal, notebook, JSON, DataFrame."""
+"""Display of results: numbers, tables and figures for a terminal, a notebook, JSON, a DataFrame."""

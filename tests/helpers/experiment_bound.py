@@ -9,7 +9,7 @@ from identify.estimation.joint.joint_model import SpecificForce
 from identify.estimation.joint.priors import Alignment
 from identify.signals.power_spectrum import motion_band
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.source import SIGNALS, signal_variance
 

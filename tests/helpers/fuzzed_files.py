@@ -16,9 +16,9 @@ from tests.helpers import bags
 from tests.helpers.pose_lab import GRAVITY, directions, wrench_of
 from tests.helpers.small_campaign import TRIALS
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import RunOptions, montecarlo
-from uq.montecarlo.campaign.simulation import simulate
-from uq.montecarlo.trials import checkpoint
+from uq.monte_carlo.campaign.campaign import RunOptions, montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.trials import checkpoint
 
 ROOT = Path(__file__).parents[2]
 

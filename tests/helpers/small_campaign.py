@@ -6,8 +6,8 @@ from functools import cache
 from importlib import resources
 
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.barreto2016 import PaperResult
-from uq.montecarlo.campaign.campaign import montecarlo
+from uq.monte_carlo.barreto2016 import PaperResult
+from uq.monte_carlo.campaign.campaign import montecarlo
 
 
 def document():

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import SamplingPlan
-from uq.montecarlo.campaign.trial_setup import true_motion
+from uq.monte_carlo.campaign.campaign import SamplingPlan
+from uq.monte_carlo.campaign.trial_setup import true_motion
 from uq.sources.draws import draw_pairs, noise_streams
 from uq.sources.random_normals import in_order
 

@@ -11,7 +11,7 @@ from identify.rigid_body.rotation import exponential
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 ROOT = Path(__file__).parents[2]
 T1 = tomllib.loads((ROOT / "uq" / "examples" / "t1-10s.toml").read_text())

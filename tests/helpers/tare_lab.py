@@ -11,7 +11,7 @@ from identify.identification import identify
 from identify.rigid_body.inertial_parameters import InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
 from tests.helpers.point_masses import subtract
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.tare import tared
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)

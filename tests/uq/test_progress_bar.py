@@ -5,7 +5,7 @@ import tqdm.auto
 
 from tests.helpers.small_campaign import TRIALS, document
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import RunOptions, montecarlo
+from uq.monte_carlo.campaign.campaign import RunOptions, montecarlo
 from uq.progress_bar import ProgressBar, progress_of
 
 

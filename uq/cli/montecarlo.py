@@ -17,10 +17,10 @@ from uq.cli.terminal.processes import add_cluster_options, checkpoint_in, resuma
 from uq.cli.terminal.sources import add_without_option, shares_named
 from uq.cli.terminal.terminal_bar import TerminalBar, say
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.montecarlo.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult
-from uq.montecarlo.coverage.adaptive_procedure import Goal
-from uq.montecarlo.trials.checkpoint import Checkpoint
+from uq.monte_carlo.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.coverage.adaptive_procedure import Goal
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 from uq.progress_bar import Progress
 
 

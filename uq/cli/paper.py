@@ -9,9 +9,9 @@ from uq.cli.terminal.common import keep, output_folder, show, start_jax
 from uq.cli.terminal.options import add_campaign_options, whole_number
 from uq.cli.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
 from uq.cli.terminal.terminal_bar import TerminalBar
-from uq.montecarlo.barreto2016 import paper
-from uq.montecarlo.campaign.campaign import RunOptions, SamplingPlan
-from uq.montecarlo.campaign.statistics import Breakdown, Statistics
+from uq.monte_carlo.barreto2016 import paper
+from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan
+from uq.monte_carlo.campaign.statistics import Breakdown, Statistics
 from uq.report.tables.paper import row
 
 

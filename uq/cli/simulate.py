@@ -7,7 +7,7 @@ from uq.cli.terminal.command_parser import CommandParser
 from uq.cli.terminal.common import start_jax
 from uq.cli.terminal.options import whole_number
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 
 def configure(parser: CommandParser) -> None:

@@ -12,8 +12,8 @@ from benchmarks.studies.emulated_tables import Imperfections, emulated_tables, s
 from identify.rigid_body.regressor import omega_r
 from uq import ExperimentError
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.trial_setup import true_motion
-from uq.montecarlo.gram_sums.error_maps import WrenchBasis
+from uq.monte_carlo.campaign.trial_setup import true_motion
+from uq.monte_carlo.gram_sums.error_maps import WrenchBasis
 
 PERFECT = Imperfections(0.0, 0.0)
 

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from benchmarks.studies.sampled_paper import report
-from uq.montecarlo.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.campaign import montecarlo
 
 
 @pytest.fixture(scope="module")

@@ -234,7 +234,7 @@ def test_packages_start_without_jax():
     """`inertia --help` and the rig never wait for JAX; the engine changes no global setting by being imported."""
     code = "import sys, uq, uq.cli.main, rig, rig.runs; assert 'jax' not in sys.modules, 'jax'"
     subprocess.run([sys.executable, "-c", code], check=True)
-    code = "import identify, uq.montecarlo.campaign.campaign, jax; assert not jax.config.jax_enable_x64"
+    code = "import identify, uq.monte_carlo.campaign.campaign, jax; assert not jax.config.jax_enable_x64"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

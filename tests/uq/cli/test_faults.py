@@ -18,7 +18,7 @@ from uq.cli.main import LEAST_MEMORY, main
 from uq.cli.terminal.common import start_jax
 from uq.files.compilation_cache import cache_folder
 from uq.files.output_folder import place
-from uq.montecarlo.trials.checkpoint import Checkpoint
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 
 COMMAND = [sys.executable, "-m", "uq.cli.main"]
 

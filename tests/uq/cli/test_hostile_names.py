@@ -13,7 +13,7 @@ from rig.mcap.message_definitions import JOINTS
 from tests.helpers import bags
 from uq.cli.main import COMMANDS, main
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 NAME = "x\x1b[2J\u202e\x9b\r\nwarning: forged\u2028warning: forged"
 BRIEF = (Path(__file__).parents[3] / "uq" / "examples" / "t1-10s.toml").read_text("utf-8")

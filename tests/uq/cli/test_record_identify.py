@@ -15,7 +15,7 @@ import pytest
 from tests.helpers.rig_lab import Recording, refused
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 EXAMPLES = Path(__file__).parents[3] / "uq" / "examples"
 E = "t1-10s.toml"

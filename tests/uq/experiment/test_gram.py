@@ -7,7 +7,7 @@ import numpy as np
 from identify.least_squares.gram import solve
 from identify.rigid_body.regressor import omega_r
 from tests.helpers.gram_lab import accumulate
-from uq.montecarlo.campaign.trial_setup import true_motion
+from uq.monte_carlo.campaign.trial_setup import true_motion
 
 R = jnp.array([0.01, -0.02, 0.053])
 

@@ -10,7 +10,7 @@ from tests.helpers.small_campaign import TRIALS, document
 from uq.analysis.propagation.experiment_law import law, prepare_law
 from uq.experiment.experiment import Experiment
 from uq.files.compilation_cache import cache_folder, keep_compiled
-from uq.montecarlo.campaign.campaign import SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
 
 EVENT = "/jax/core/compile/backend_compile_duration"
 

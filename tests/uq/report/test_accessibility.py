@@ -13,7 +13,7 @@ from tests.helpers.report_tables import FULL, T1
 from tests.helpers.small_campaign import campaign, paper_result
 from uq.analysis.propagation.experiment_law import law
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.report.certificate.certificate import Certificate
 from uq.report.report_files import report
 from uq.runs.identification.identify_files import identify_files

@@ -17,7 +17,7 @@ from identify.rigid_body.inertia import COMPONENTS
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.small_campaign import TRIALS, campaign, document, paper_result
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.campaign import montecarlo
 from uq.report.figures.style import DARK
 from uq.report.input_tables import inferred
 from uq.report.page import inline, joined, json_text

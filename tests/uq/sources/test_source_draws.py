@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from tests.helpers.source_lab import experiment, simulated, source
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.sources.draws import constant_coordinates, constants_at, draw_constants
 
 

@@ -13,8 +13,8 @@ from identify.identification import identify
 from tests.helpers.source_lab import BY_SAMPLES, experiment, source
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.campaign.campaign import montecarlo
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.report.report_files import write as write_report
 from uq.sources.source import KINDS
 

@@ -11,11 +11,11 @@ from scipy import stats
 
 from tests.helpers.source_lab import BY_SAMPLES, IN_FLOAT32, experiment, least_squares, simulated, source
 from tests.helpers.source_lab import one_trial as plain_trial
-from uq.montecarlo.campaign.campaign import SamplingPlan, montecarlo
-from uq.montecarlo.campaign.simulation import simulate
-from uq.montecarlo.campaign.trial_setup import prepare_engine, setting_of
-from uq.montecarlo.trials import trial_loop
-from uq.montecarlo.trials.samples_engine import prepare_samples, smooth_signals
+from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.trial_setup import prepare_engine, setting_of
+from uq.monte_carlo.trials import trial_loop
+from uq.monte_carlo.trials.samples_engine import prepare_samples, smooth_signals
 from uq.sources.constant_errors import errors_of, errors_of_cases
 from uq.sources.draws import draw_constants
 

@@ -19,7 +19,7 @@ from uq.analysis.propagation.prepared_run import PreparedRun
 from uq.analysis.propagation.undrawn_errors import undrawn_errors, without_undrawn
 from uq.experiment.experiment import Experiment
 from uq.files.units import printed
-from uq.montecarlo.gram_sums.cases import Case
+from uq.monte_carlo.gram_sums.cases import Case
 from uq.sources.draw_figures import part_of
 from uq.sources.source import Source
 

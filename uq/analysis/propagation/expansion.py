@@ -2,7 +2,7 @@
 
 What is expanded is what every trial computes: constant errors are maps of the sums (:func:`error_maps`), mapped sums
 make normal equations, as expected under the gyro's noise
-(:func:`uq.montecarlo.gram_sums.packed_equations.packed_equations`), and these are solved. Only the maps are
+(:func:`uq.monte_carlo.gram_sums.packed_equations.packed_equations`), and these are solved. Only the maps are
 differentiated by JAX, for the errors alone and once for all runs. The rest are products of matrices, whose derivatives
 are products, too (:class:`Series`), in NumPy: to trace and to load a program of all of it would take a command longer
 than the trials do.
@@ -20,14 +20,14 @@ from jaxtyping import Float
 from identify.least_squares.gram import solve_normal
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array, cross_matrix, library_of
-from uq.montecarlo.gram_sums.case_equations import (
+from uq.monte_carlo.gram_sums.case_equations import (
     NoiseExpectation,
     feature_map,
     symmetric,
 )
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
-from uq.montecarlo.gram_sums.packed_equations import packed_equations, solution_series
-from uq.montecarlo.gram_sums.run_sums import FeatureSums, RunSums
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
+from uq.monte_carlo.gram_sums.packed_equations import packed_equations, solution_series
+from uq.monte_carlo.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors, no_errors, unravel
 
 

@@ -21,8 +21,8 @@ from uq.analysis.propagation.prepared_run import PreparedRun, prepared_run, stac
 from uq.analysis.propagation.uncovered_sources import check_law
 from uq.analysis.propagation.undrawn_errors import undrawn_errors, without_undrawn
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.montecarlo.campaign.statistics import Breakdown, large_mean_error
-from uq.montecarlo.gram_sums.cases import Case, cases_of
+from uq.monte_carlo.campaign.statistics import Breakdown, large_mean_error
+from uq.monte_carlo.gram_sums.cases import Case, cases_of
 from uq.sources.constant_errors import perturbed
 from uq.sources.source import Source
 

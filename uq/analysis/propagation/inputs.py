@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uq.analysis.propagation.uncovered_sources import Peaks, check_law
-from uq.montecarlo.gram_sums.cases import Case
+from uq.monte_carlo.gram_sums.cases import Case
 from uq.sources.constant_errors import PLACES, effect, field_of, no_errors
 from uq.sources.distributions import Empirical, StudentT
 from uq.sources.draws import Mixing

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from identify.display.reporting import Result
 from identify.floating_point import check_precision
 from identify.least_squares.covariance_matrices import root_of
-from uq.montecarlo.coverage.expanded_uncertainty import welch_satterthwaite
+from uq.monte_carlo.coverage.expanded_uncertainty import welch_satterthwaite
 
 
 @runtime_checkable

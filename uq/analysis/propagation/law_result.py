@@ -10,7 +10,7 @@ import scipy
 
 from identify.display.reporting import Result, Shown
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.montecarlo.campaign.statistics import Breakdown, ByTrajectory, in_gram_metre
+from uq.monte_carlo.campaign.statistics import Breakdown, ByTrajectory, in_gram_metre
 
 
 @dataclass(frozen=True, repr=False)

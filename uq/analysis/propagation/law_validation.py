@@ -9,10 +9,10 @@ from identify.display.reporting import Result
 from identify.display.rounding import significant
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.analysis.propagation.law_result import LawResult, LawStatistics
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult
-from uq.montecarlo.campaign.statistics import NO_SPREAD
-from uq.montecarlo.coverage.adaptive_procedure import numerical_tolerance
-from uq.montecarlo.coverage.coverage_intervals import Verdict, symmetric_interval, validate
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.campaign.statistics import NO_SPREAD
+from uq.monte_carlo.coverage.adaptive_procedure import numerical_tolerance
+from uq.monte_carlo.coverage.coverage_intervals import Verdict, symmetric_interval, validate
 
 PROBABILITY = 0.95
 """Coverage probability of the intervals that are compared."""

@@ -22,12 +22,12 @@ from uq.analysis.propagation.inputs import constants_of, inputs_of_cases
 from uq.analysis.propagation.trajectory_sums import jerk_of
 from uq.analysis.propagation.uncovered_sources import ANYWHERE, BeyondLawError, beyond_the_prediction
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.montecarlo.campaign.trial_setup import platform_of
-from uq.montecarlo.gram_sums.case_equations import noise_expectation
-from uq.montecarlo.gram_sums.cases import cases_of
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis, true_elements
-from uq.montecarlo.gram_sums.packed_equations import about_cg, packed_equations
-from uq.montecarlo.gram_sums.run_sums import RunSums
+from uq.monte_carlo.campaign.trial_setup import platform_of
+from uq.monte_carlo.gram_sums.case_equations import noise_expectation
+from uq.monte_carlo.gram_sums.cases import cases_of
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis, true_elements
+from uq.monte_carlo.gram_sums.packed_equations import about_cg, packed_equations
+from uq.monte_carlo.gram_sums.run_sums import RunSums
 from uq.sources.constant_errors import unravel
 
 

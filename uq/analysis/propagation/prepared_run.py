@@ -20,17 +20,17 @@ from uq.analysis.propagation.expansion import Expansion, error_maps, expand, map
 from uq.analysis.propagation.trajectory_sums import run_sums
 from uq.analysis.propagation.uncovered_sources import Peaks
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples
-from uq.montecarlo.campaign.trial_setup import fitted_estimators, platform_of
-from uq.montecarlo.gram_sums.case_equations import NO_NOISE
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis
-from uq.montecarlo.gram_sums.noise_moments import RunMoments
-from uq.montecarlo.gram_sums.packed_equations import (
+from uq.monte_carlo.campaign.trial_setup import fitted_estimators, platform_of
+from uq.monte_carlo.gram_sums.case_equations import NO_NOISE
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis
+from uq.monte_carlo.gram_sums.noise_moments import RunMoments
+from uq.monte_carlo.gram_sums.packed_equations import (
     cell_scatter,
     equations_of_products,
     expected_by_axes,
     packed_equations,
 )
-from uq.montecarlo.gram_sums.run_sums import FeatureSums, RunSums
+from uq.monte_carlo.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import no_errors, perturbed, unravel
 from uq.sources.noise_filters import GyroNoise
 

@@ -13,10 +13,10 @@ from identify.display.reporting import Result
 from identify.floating_point import check_precision
 from identify.pytree import Pytree, static_field
 from uq.analysis.propagation.law_of_propagation import Model
-from uq.montecarlo.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
-from uq.montecarlo.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
-from uq.montecarlo.coverage.coverage_regions import covariance_of
-from uq.montecarlo.trials.trial_loop import TrialLoop, finite_trials
+from uq.monte_carlo.coverage.adaptive_procedure import Blocks, Goal, Stability, not_stable
+from uq.monte_carlo.coverage.coverage_intervals import CoverageInterval, Value, shortest_interval, symmetric_interval
+from uq.monte_carlo.coverage.coverage_regions import covariance_of
+from uq.monte_carlo.trials.trial_loop import TrialLoop, finite_trials
 from uq.sources.distributions import Distribution
 from uq.sources.draws import stream_key, stream_number
 from uq.sources.quasi_random import BITS, Points, SobolPoints, coordinates_of, sobol_points, values_at

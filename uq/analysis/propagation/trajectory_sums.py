@@ -19,9 +19,9 @@ from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import Array
 from identify.signals.differentiate import padded_derivative
 from uq.analysis.propagation.uncovered_sources import Peaks
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis, true_elements
-from uq.montecarlo.gram_sums.noise_moments import PIECE, RunMoments, run_moments
-from uq.montecarlo.gram_sums.run_sums import RunSums
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis, true_elements
+from uq.monte_carlo.gram_sums.noise_moments import PIECE, RunMoments, run_moments
+from uq.monte_carlo.gram_sums.run_sums import RunSums
 from uq.sources.source import SIGNALS
 
 REST = 1e-9
@@ -171,6 +171,6 @@ def _gram_by_delay(now: np.ndarray, *higher: np.ndarray) -> Float[np.ndarray, "o
 
 
 def _elements(omega: np.ndarray, t: Array, taps: Sequence[np.ndarray]) -> Float[np.ndarray, "elements n"]:
-    """Return the elements that :mod:`uq.montecarlo.gram_sums.case_equations` maps, every estimator's alpha last."""
+    """Return the elements that :mod:`uq.monte_carlo.gram_sums.case_equations` maps, every estimator's alpha last."""
     alphas = [padded_derivative(omega, h) for h in taps]
     return np.concatenate([true_elements(omega, alphas[0], t), *alphas])

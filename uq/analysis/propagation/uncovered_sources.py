@@ -8,7 +8,7 @@ import numpy as np
 from identify.display.rounding import significant
 from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.gram_sums.cases import cases_of
+from uq.monte_carlo.gram_sums.cases import cases_of
 from uq.sources.draws import Mixing
 from uq.sources.source import SIGNALS, SignalRange, Source, disturbs, normal_noise_variance, signal_variance
 

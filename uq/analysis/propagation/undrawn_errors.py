@@ -13,9 +13,9 @@ from jaxtyping import Float
 
 from uq.analysis.propagation.prepared_run import PreparedRun
 from uq.experiment.experiment import Experiment, TrajectorySpec
-from uq.montecarlo.campaign.trial_setup import setting_of
-from uq.montecarlo.gram_sums.cases import Case
-from uq.montecarlo.trials.chooser import estimates_without_draws
+from uq.monte_carlo.campaign.trial_setup import setting_of
+from uq.monte_carlo.gram_sums.cases import Case
+from uq.monte_carlo.trials.chooser import estimates_without_draws
 from uq.sources.source import Source, disturbs
 
 

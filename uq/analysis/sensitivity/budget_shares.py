@@ -14,7 +14,7 @@ import numpy as np
 from identify.display.reporting import Result, Shown, plain
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.analysis.sensitivity.variance_shares import Indices
-from uq.montecarlo.campaign.statistics import ByTrajectory, Statistics
+from uq.monte_carlo.campaign.statistics import ByTrajectory, Statistics
 
 TENSOR = "tensor"
 """Name of the whole tensor among the components."""

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from identify.pytree import Pytree, static_field
-from uq.montecarlo.trials.trial_loop import RunTrials, all_trials
+from uq.monte_carlo.trials.trial_loop import RunTrials, all_trials
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draws import stream_key, stream_number
 from uq.sources.quasi_random import Points, SobolPoints, coordinates_of, sobol_points, values_at

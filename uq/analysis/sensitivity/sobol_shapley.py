@@ -24,7 +24,7 @@ from uq.analysis.sensitivity.effects import (
 from uq.analysis.sensitivity.redraws import Correlation, Model, Redraws, correlated
 from uq.analysis.sensitivity.subsets import MOST_PLAYERS
 from uq.analysis.sensitivity.variance_shares import Indices, closure, mean, plain_variance
-from uq.montecarlo.trials.trial_loop import finite_trials
+from uq.monte_carlo.trials.trial_loop import finite_trials
 from uq.sources.distributions import Distribution
 from uq.sources.quasi_random import REPLICATES, Points
 

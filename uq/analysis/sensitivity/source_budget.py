@@ -22,11 +22,11 @@ from uq.analysis.sensitivity.effects import ChoiceDesign, PairEffects
 from uq.analysis.sensitivity.variance_shares import closure, mean, plain_variance
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
-from uq.montecarlo.campaign.statistics import Statistics
-from uq.montecarlo.campaign.trial_setup import prepare_engine
-from uq.montecarlo.gram_sums.cases import Case
-from uq.montecarlo.trials.chooser import EngineName
-from uq.montecarlo.trials.trial_loop import finite_trials
+from uq.monte_carlo.campaign.statistics import Statistics
+from uq.monte_carlo.campaign.trial_setup import prepare_engine
+from uq.monte_carlo.gram_sums.cases import Case
+from uq.monte_carlo.trials.chooser import EngineName
+from uq.monte_carlo.trials.trial_loop import finite_trials
 from uq.progress_bar import Progress, progress_of
 from uq.sources.draws import Mixing
 from uq.sources.source import Source
@@ -60,7 +60,7 @@ def budget(
         seed: seed of every draw.
         trajectories: name or names of the trajectories; None for all.
         estimators: name or names of the estimators; None for all.
-        engine: ``"sums"``, or ``"samples"`` for every sample (:class:`uq.montecarlo.campaign.campaign.SamplingPlan`).
+        engine: ``"sums"``, or ``"samples"`` for every sample (:class:`uq.monte_carlo.campaign.campaign.SamplingPlan`).
         dtype: precision of samples that are drawn, ``"float64"`` or ``"float32"``.
         batch: pairs that one device computes at a time; None for what suits the engine.
         devices: devices to spread the pairs over; None for all.

@@ -13,8 +13,8 @@ from uq.cli.terminal.command_parser import CommandParser
 from uq.cli.terminal.options import whole_number
 from uq.cli.terminal.terminal_bar import say
 from uq.files.mistakes import MISTAKES, ExperimentError
-from uq.montecarlo.trials import joined_processes as cluster
-from uq.montecarlo.trials.checkpoint import Checkpoint
+from uq.monte_carlo.trials import joined_processes as cluster
+from uq.monte_carlo.trials.checkpoint import Checkpoint
 
 LOST = 3
 """Exit status when another process of a campaign is gone."""

@@ -9,7 +9,7 @@ from uq.analysis.propagation.experiment_law import law
 from uq.experiment.experiment import Experiment
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
-from uq.montecarlo.campaign.statistics import large_mean_error
+from uq.monte_carlo.campaign.statistics import large_mean_error
 from uq.plan.measurement.required_duration import Duration, growth_of, half_of, required_duration
 from uq.plan.measurement.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.progress_bar import Progress, progress_of

@@ -18,7 +18,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.inertial_parameters import by_component
 from uq.analysis.propagation.experiment_law import prepare_law
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.montecarlo.gram_sums.cases import cases_of
+from uq.monte_carlo.gram_sums.cases import cases_of
 from uq.plan.measurement.required_duration import NOTHING, average
 
 BOTH = ("moments", "products")

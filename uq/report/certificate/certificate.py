@@ -13,7 +13,7 @@ from identify.results.identification_result import Identification
 from identify.results.ledger import CONVENTIONAL, QUANTITIES
 from uq.experiment.conformity import RULES, Decision, decide
 from uq.experiment.report_table import Report, read
-from uq.montecarlo.coverage.expanded_uncertainty import Expanded, of_tensor
+from uq.monte_carlo.coverage.expanded_uncertainty import Expanded, of_tensor
 from uq.report.certificate import checks, tables
 from uq.report.certificate.front import Front, front, not_stated
 from uq.report.input_tables import source_tables

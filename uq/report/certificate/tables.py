@@ -17,7 +17,7 @@ from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from identify.rigid_body.principal_axes import LARGEST_ANGLE, principal_axes
 from uq.experiment.conformity import Decision
 from uq.experiment.report_table import Report
-from uq.montecarlo.coverage.expanded_uncertainty import HEAD, Expanded, of_parameters
+from uq.monte_carlo.coverage.expanded_uncertainty import HEAD, Expanded, of_parameters
 from uq.report.certificate import checks
 from uq.report.certificate.front import MISSING
 from uq.report.figures.style import display_name

@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identify.display.rounding import significant
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.montecarlo.campaign.statistics import OfCase
+from uq.monte_carlo.campaign.statistics import OfCase
 from uq.report.figures.style import (
     COLUMN,
     GRID,

@@ -11,7 +11,7 @@ from matplotlib.figure import FigureBase
 from identify.motion.leg_limits import Effort, Limits, shares
 from identify.rigid_body.inertia import GRAM_METRE
 from uq.analysis.propagation.law_result import LawStatistics
-from uq.montecarlo.campaign.statistics import Breakdown
+from uq.monte_carlo.campaign.statistics import Breakdown
 from uq.plan.measurement.required_duration import average
 from uq.plan.measurement.sensor_worth import BOTH
 from uq.plan.motion_design.arm.arm_design import ArmDesign

@@ -12,8 +12,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-u
 
 from identify.rigid_body.inertia import GRAM_METRE, MOMENTS, PRODUCTS
 from uq.experiment.experiment import Experiment, TrajectorySpec, samples, turn_rates
-from uq.montecarlo.barreto2016 import PaperResult
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult, average
+from uq.monte_carlo.barreto2016 import PaperResult
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult, average
 from uq.report.figures.campaign import ERROR_BAR, finish_dispersion
 from uq.report.figures.style import COLUMN, GRID, PALETTE, RULE, label, legend_above, new_figure
 

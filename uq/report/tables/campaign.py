@@ -10,7 +10,7 @@ from identify.display.reporting import Section, section_of
 from identify.display.rounding import exact, rounded, significant
 from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
 from uq.report.assumptions import source_assumptions
 from uq.report.figures.style import display_name
 from uq.report.input_tables import source_tables

@@ -10,7 +10,7 @@ from identify.display.text_tables import Table
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.analysis.propagation.law_result import LawStatistics
 from uq.analysis.sensitivity.budget_shares import MeanSquare
-from uq.montecarlo.campaign.statistics import Breakdown, ByTrajectory, OfCase, large_mean_error
+from uq.monte_carlo.campaign.statistics import Breakdown, ByTrajectory, OfCase, large_mean_error
 from uq.report.drawing import drawing
 from uq.report.figures.style import LINES
 

@@ -19,8 +19,8 @@ from uq.analysis.propagation.law_validation import (
     undecided,
     words_of,
 )
-from uq.montecarlo.campaign.campaign_result import MonteCarloResult
-from uq.montecarlo.coverage.coverage_intervals import Verdict
+from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.coverage.coverage_intervals import Verdict
 from uq.report.tables.cases import PAIR, grams
 
 

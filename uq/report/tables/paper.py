@@ -8,7 +8,7 @@ from identify.display.reporting import Drawing, Section, section_of, stem
 from identify.display.rounding import exact, significant
 from identify.display.text_tables import Table
 from identify.rigid_body.inertia import MOMENTS, PRODUCTS
-from uq.montecarlo.barreto2016 import (
+from uq.monte_carlo.barreto2016 import (
     PRINTED,
     PRINTED_EFFECTS,
     PRINTED_SHARES,
@@ -17,7 +17,7 @@ from uq.montecarlo.barreto2016 import (
     PaperResult,
     average_three_sigma,
 )
-from uq.montecarlo.campaign.statistics import Statistics
+from uq.monte_carlo.campaign.statistics import Statistics
 from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
 from uq.report.figures.style import display_name

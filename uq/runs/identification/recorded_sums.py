@@ -2,7 +2,7 @@
 
 The recorded motion, differentiated and filtered as the estimator does it, is taken as the true one; the recorded force
 and the fitted tensor make the true moment, ``M = r × F + Ω i``. Errors then act as in a simulated trial
-(:mod:`uq.montecarlo.gram_sums.error_maps`), and the estimator is applied again. An offset that is estimated or taken
+(:mod:`uq.monte_carlo.gram_sums.error_maps`), and the estimator is applied again. An offset that is estimated or taken
 from rest cancels in sums about the means or about the rest, so that the sums of runs of one mounting add up.
 
 Of generalised least squares the weights are held fixed: with ``H = W Omega_R``, what is estimated along eliminated, the
@@ -28,9 +28,9 @@ from identify.signals.filters import apply
 from identify.signals.gravity_direction import upward_by_force
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Rest, Run, RunError
-from uq.montecarlo.gram_sums.case_equations import feature_map
-from uq.montecarlo.gram_sums.error_maps import WrenchBasis, gyro_map, true_elements
-from uq.montecarlo.gram_sums.run_sums import FeatureSums, RunSums
+from uq.monte_carlo.gram_sums.case_equations import feature_map
+from uq.monte_carlo.gram_sums.error_maps import WrenchBasis, gyro_map, true_elements
+from uq.monte_carlo.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import Errors
 
 ELEMENTS = 18
@@ -69,7 +69,7 @@ def run_sums(
         offsets: how constant offsets are removed.
         weight: of the run among others.
         delays: of the angular velocity, at which sums are taken [s], of
-        :func:`uq.montecarlo.gram_sums.run_sums.delay_nodes`.
+        :func:`uq.monte_carlo.gram_sums.run_sums.delay_nodes`.
         weighed: H on the first lines of the cosine transform, (k, 3, 6); None: ordinary least squares.
 
     Raises:
@@ -187,7 +187,7 @@ def measured(sums: RunSums, errors: Errors, wrench_map: Float[Array, "6 function
     Args:
         sums: of the run.
         errors: constant errors.
-        wrench_map: what they make of the wrench, :meth:`uq.montecarlo.gram_sums.error_maps.WrenchBasis.map`.
+        wrench_map: what they make of the wrench, :meth:`uq.monte_carlo.gram_sums.error_maps.WrenchBasis.map`.
     """
     gram, wrench = _delayed(sums, errors)
     elements = _features(errors)

@@ -26,9 +26,9 @@ from identify.signals.run import Run, RunError
 from rig.exceptions import quoted
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis
-from uq.montecarlo.gram_sums.run_sums import RunSums, delay_nodes
-from uq.montecarlo.trials.trial_loop import all_trials, finite_trials
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis
+from uq.monte_carlo.gram_sums.run_sums import RunSums, delay_nodes
+from uq.monte_carlo.trials.trial_loop import all_trials, finite_trials
 from uq.runs.identification.estimated_errors import draw_root
 from uq.runs.identification.recorded_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases

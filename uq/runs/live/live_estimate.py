@@ -21,7 +21,7 @@ from identify.rigid_body.inertia import COMPONENTS, Body
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, cross_matrix
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
-from uq.montecarlo.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis
+from uq.monte_carlo.gram_sums.error_maps import OF_THE_RIG, Platform, WrenchBasis
 from uq.runs.identification.recorded_sums import FEATURES, FORCE, MOMENT, sums_of_signals
 from uq.runs.identification.systematic_errors import Systematic, SystematicProblem, propagated
 from uq.runs.identification.undeclared import tensor_changes

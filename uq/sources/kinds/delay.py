@@ -10,7 +10,7 @@ class Delay(ErrorKind):
     """The sample with the stamp t is ω(t - θ), beside the load cell's of t.
 
     The law has it by the sums' first and second derivatives; a trial on sums interpolates exact sums at seven delays
-    (:class:`uq.montecarlo.trials.sums_setup.TrueRun`); a trial by samples has the trajectory at other instants.
+    (:class:`uq.monte_carlo.trials.sums_setup.TrueRun`); a trial by samples has the trajectory at other instants.
     """
 
     name = "delay"

@@ -9,7 +9,7 @@ from identify.least_squares.gram import solve_normal
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.regressor import omega_r
 from uq.analysis.propagation.expansion import expand, map_series, tensor_of
-from uq.montecarlo.gram_sums.case_equations import (
+from uq.monte_carlo.gram_sums.case_equations import (
     equations_of,
     feature_map,
     noise_expectation,
@@ -17,10 +17,10 @@ from uq.montecarlo.gram_sums.case_equations import (
     symmetric,
     weighted_sums,
 )
-from uq.montecarlo.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
-from uq.montecarlo.gram_sums.noise_algebra import noise_algebra
-from uq.montecarlo.gram_sums.packed_equations import MATRIX, cell_scatter, equations_of_products, solution_series
-from uq.montecarlo.gram_sums.run_sums import FeatureSums, RunSums
+from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis, gyro_map
+from uq.monte_carlo.gram_sums.noise_algebra import noise_algebra
+from uq.monte_carlo.gram_sums.packed_equations import MATRIX, cell_scatter, equations_of_products, solution_series
+from uq.monte_carlo.gram_sums.run_sums import FeatureSums, RunSums
 from uq.sources.constant_errors import PLACES, no_errors, unravel
 
 FIELDS = ("gyro_bias", "gyro_drift", "gyro_misalignment", "gyro_delay", "cell_scale", "cell_bias", "cell_drift", "r_cg")

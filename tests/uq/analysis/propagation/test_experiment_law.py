@@ -20,8 +20,8 @@ from uq.analysis.propagation.inputs import constants_of, inputs_of_cases
 from uq.analysis.propagation.law_validation import rejected, validate_law
 from uq.analysis.propagation.uncovered_sources import BeyondLawError, Peaks
 from uq.experiment.experiment import Experiment, ExperimentError
-from uq.montecarlo.campaign.campaign import montecarlo
-from uq.montecarlo.gram_sums.cases import cases_of
+from uq.monte_carlo.campaign.campaign import montecarlo
+from uq.monte_carlo.gram_sums.cases import cases_of
 from uq.report.figures.campaign import contributions
 from uq.report.tables.law_validation import beside, findings
 from uq.sources.distributions import StudentT

@@ -9,9 +9,9 @@ import pytest
 from identify.signals.differentiate import derivative
 from uq.analysis.propagation import trajectory_sums as pieces
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.trial_setup import fitted_estimators, platform_of, true_motion
-from uq.montecarlo.gram_sums.error_maps import WrenchBasis, true_elements
-from uq.montecarlo.gram_sums.noise_moments import run_moments
+from uq.monte_carlo.campaign.trial_setup import fitted_estimators, platform_of, true_motion
+from uq.monte_carlo.gram_sums.error_maps import WrenchBasis, true_elements
+from uq.monte_carlo.gram_sums.noise_moments import run_moments
 from uq.plan.measurement.required_duration import lasting
 from uq.sources.noise_filters import WHITE
 

@@ -11,7 +11,7 @@ from uq.analysis.propagation.experiment_law import law
 from uq.analysis.propagation.law_validation import standard_errors_apart, validate_law
 from uq.analysis.propagation.uncovered_sources import BeyondLawError
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.campaign import montecarlo
 from uq.report.tables.law_validation import findings, open_intervals
 from uq.sources.kinds.quantisation import STEPS_OF_NOISE
 

@@ -19,9 +19,9 @@ from uq.analysis.sensitivity.source_budget import _bias_share, budget, budget_of
 from uq.cli import main as cli
 from uq.experiment.experiment import ExperimentError
 from uq.files.toml_text import toml_text
-from uq.montecarlo.campaign.campaign import SamplingPlan, montecarlo
-from uq.montecarlo.campaign.simulation import simulate
-from uq.montecarlo.campaign.trial_setup import prepare_engine, true_motion
+from uq.monte_carlo.campaign.campaign import SamplingPlan, montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.trial_setup import prepare_engine, true_motion
 from uq.report.report_files import files, report
 from uq.report.tables.budget import _name, findings, of_tensor, shares_by_component
 from uq.sources.draws import Mixing

@@ -21,7 +21,7 @@ from uq.cli.main import main
 from uq.cli.terminal.standard_streams import ShownText, shown_streams, uncontrolled
 from uq.cli.terminal.terminal_bar import TerminalBar
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 NAME = "<i>\n\r\t\x1b[2J\x1b]0;title\x07\x7f\x9b31m\u202e\u2066\u2028\nforged"
 """A line feed, and controls of C0, DEL, C1 and of the direction of text; a tag, for pages."""

@@ -7,7 +7,7 @@ import pytest
 
 from uq import law, montecarlo
 from uq.experiment.experiment import ExperimentError
-from uq.montecarlo.campaign.campaign_result import average as of_trials
+from uq.monte_carlo.campaign.campaign_result import average as of_trials
 from uq.plan.measurement.required_duration import GOALS, Growth, average, growth_of, lasting, required_duration
 from uq.plan.measurement.sensor_worth import sensor_worth
 from uq.report.figures.duration import duration_figure

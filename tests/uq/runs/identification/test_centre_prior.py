@@ -16,7 +16,7 @@ from tests.helpers.report_tables import T1
 from tests.helpers.tare_lab import FIXTURE, WHOLE, experiment_of
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.identification.tare import tare_files
 

@@ -26,8 +26,8 @@ from tests.helpers.report_tables import FULL, T1
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import Report
-from uq.montecarlo.campaign.simulation import simulate
-from uq.montecarlo.coverage.expanded_uncertainty import of_tensor
+from uq.monte_carlo.campaign.simulation import simulate
+from uq.monte_carlo.coverage.expanded_uncertainty import of_tensor
 from uq.report.certificate import checks
 from uq.report.certificate.certificate import Certificate
 from uq.report.certificate.front import number_of

@@ -15,7 +15,7 @@ from tests.helpers.laboratory import FULL_SCALE, measure
 from tests.helpers.laboratory_files import document, identified_files, source
 from tests.helpers.laboratory_runs import identified, run_of
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.systematic_errors import estimate, problem_of, with_declared_sources
 from uq.sources.constant_errors import no_errors
 

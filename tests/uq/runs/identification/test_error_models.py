@@ -21,7 +21,7 @@ from identify.signals.band_limited_run import InBand
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.resample import uniform_spline
 from identify.signals.run import Run
-from uq.montecarlo.gram_sums.error_maps import cell_map, gyro_map
+from uq.monte_carlo.gram_sums.error_maps import cell_map, gyro_map
 from uq.runs.identification.centre_errors import ON_POSES, wrench_error
 from uq.sources.constant_errors import no_errors
 

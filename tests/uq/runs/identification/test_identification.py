@@ -12,8 +12,8 @@ from identify.identification import identify
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from tests.helpers.recordings import silenced
-from uq.montecarlo.campaign.campaign import montecarlo
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.campaign import montecarlo
+from uq.monte_carlo.campaign.simulation import simulate
 
 SMOOTHED = EstimatorSpec("smoothed", "savitzky-golay", band=1.55)
 FILTERED = EstimatorSpec("filtered", "central", lowpass=4.0)

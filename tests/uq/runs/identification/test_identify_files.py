@@ -11,7 +11,7 @@ from identify.signals.differentiate import matched
 from identify.signals.run import RunError
 from tests.helpers.recordings import Signals, about, declare, silenced, write
 from tests.helpers.scene import record
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.recorded.load_run import load_run
 from uq.runs.recorded.time_window import TimeWindow

@@ -27,7 +27,7 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.recording_table import RecordingTable
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.recorded.time_window import TimeWindow
 from uq.sources.source import Source

@@ -13,7 +13,7 @@ from identify.rigid_body.inertia import pack
 from identify.signals.run import Run
 from tests.helpers import posed_runs
 from tests.helpers.recordings import silenced
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 SIGMA = {"force": 0.1 * np.array([5.0, 5, 10]), "moment": 0.1 * np.array([0.38, 0.46, 0.46]), "omega": np.full(3, 4e-4)}
 """A load cell ten times quieter than the preset's, so that small causes tell."""

@@ -15,7 +15,7 @@ from identify.signals.run import Rest, RunError
 from tests.helpers.recordings import silenced
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification import systematic_errors
 from uq.runs.identification.systematic_errors import (
     IN_THE_WRENCH,

@@ -12,7 +12,7 @@ from identify.results.ledger import Ledger, tensor_row
 from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.changed_result import changed, not_judged, typical, with_typical
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.report.certificate.certificate import Certificate
 from uq.report.input_tables import input_table
 from uq.runs.identification import tare

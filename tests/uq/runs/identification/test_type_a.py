@@ -16,7 +16,7 @@ from tests.helpers.recordings import silenced
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import labelled, mounting_names
 from uq.runs.identification.run_scatter import pooled_scatter_verdict
 from uq.runs.identification.systematic_errors import with_declared_sources

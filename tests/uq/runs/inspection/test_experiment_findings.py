@@ -11,7 +11,7 @@ from tests.helpers.laboratory_files import document
 from tests.helpers.laboratory_mechanics import FINE, GRAVITY, base_motion
 from tests.helpers.laboratory_runs import run_of
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.inspection.experiment_findings import convention_warnings
 
 

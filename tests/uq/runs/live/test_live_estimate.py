@@ -13,7 +13,7 @@ from rig.mcap.message_definitions import IMU, WRENCH
 from tests.helpers import recordings
 from uq.experiment.experiment import Experiment
 from uq.experiment.undeclared_table import UndeclaredTable
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.recorded_sums import ELEMENTS, FEATURES
 from uq.runs.identification.systematic_errors import nodes_of, problem_of, propagated
 from uq.runs.identification.undeclared import with_undeclared

@@ -14,7 +14,7 @@ from identify.signals.shaped_noise import ShapedNoise
 from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.experiment.experiment import Experiment
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.recorded.load_run import load_run
 

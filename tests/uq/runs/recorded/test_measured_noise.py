@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.recorded.measured_noise import noise_warnings, white_level
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from identify.signals.segments import decisive, moving, still
 from tests.helpers.scene import MOUNTED, POSES, TURN, record
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 RATE = 400.0
 

@@ -17,7 +17,7 @@ from rig.mcap.writer import new_writer, register
 from tests.helpers.commands import refused
 from tests.helpers.recordings import Signals, declare, write
 from uq.cli.main import main
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.recorded.load_run import load_run
 from uq.runs.recorded.message_times import instants

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.helpers.source_lab import draw_block, experiment, simulated, source
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.sources.draws import BLOCK, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.flicker import DECAYS, LONGEST, WEIGHTS, pink_block, pink_response
 from uq.sources.random_normals import in_order, normal_pairs

@@ -16,8 +16,8 @@ from uq.analysis.propagation.uncovered_sources import ANYWHERE
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import typical_errors
 from uq.files.mistakes import ExperimentError
-from uq.montecarlo.gram_sums.cases import Case
-from uq.montecarlo.gram_sums.error_maps import cell_map
+from uq.monte_carlo.gram_sums.cases import Case
+from uq.monte_carlo.gram_sums.error_maps import cell_map
 from uq.sources.constant_errors import unravel
 
 

@@ -17,7 +17,7 @@ from uq.analysis.propagation.law_result import LawStatistics
 from uq.experiment.experiment import Experiment, TrajectorySpec
 from uq.experiment.experiment_tables import left_out_note
 from uq.files.provenance import provenance
-from uq.montecarlo.campaign.statistics import Breakdown, large_mean_error
+from uq.monte_carlo.campaign.statistics import Breakdown, large_mean_error
 from uq.plan.measurement.required_duration import GOALS, Duration, average, growth_of, half_of, required_duration
 from uq.plan.measurement.sensor_worth import BOTH, SensorWorth, sensor_worth
 from uq.plan.motion_design.hexapod.design import Design

@@ -19,7 +19,7 @@ from uq.experiment.multisine_table import COLUMNS, multisine_csv
 from uq.experiment.platform_table import GEOMETRIES, LimitsTable, PlatformTable
 from uq.files.mistakes import ExperimentError
 from uq.files.schema import declared_table
-from uq.montecarlo.campaign.simulation import simulate
+from uq.monte_carlo.campaign.simulation import simulate
 
 
 @pytest.fixture(scope="module")
