@@ -186,12 +186,6 @@ def samples_per_mean(rate: float) -> int:
     return max(1, 2 * int((rate / LEAST_RATE - 1) / 2) + 1)
 
 
-def means(values: Float[np.ndarray, "n *k"], count: int) -> Float[np.ndarray, "m *k"]:
-    """Return the means of so many samples at a time, one behind the other; what is left over at the end counts not."""
-    whole = len(values) // count
-    return np.asarray(values[: whole * count].reshape(whole, count, *values.shape[1:]).mean(axis=1))
-
-
 def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:
     """The sums of a run in SI; None where the sensors have too little time in common, or a sample is not finite."""
     period = max(float(np.median(np.diff(signal.time))) for signal in (wrench, imu))

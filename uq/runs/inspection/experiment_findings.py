@@ -12,13 +12,13 @@ from identify.judge.conventions.convention_fit import (
     DeclaredRig,
     ImuSignal,
     WrenchSignal,
-    means,
     samples_per_mean,
 )
 from identify.judge.conventions.findings.clock import clock_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
+from identify.signals.filters import means
 from identify.signals.run import Run
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
