@@ -82,6 +82,7 @@ def ordinary_least_squares(
     Raises:
         ValueError: a wrong shape, too few samples for the estimator, a rate too low for its band, a traced rate,
             offsets that are neither.
+        TypeError: a centre of gravity in words.
     """
     if isinstance(rate, jax.core.Tracer):
         raise ValueError("Argument `rate` must be a number that JAX does not trace: leave it out of jit's arguments.")
@@ -91,6 +92,8 @@ def ordinary_least_squares(
     dtype = np.result_type(*(signal.dtype for signal in signals.values()))
     dtype = dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)
     signals = {name: signal.astype(dtype) for name, signal in signals.items()}
+    if isinstance(r_cg, str):
+        raise TypeError(f"Argument `r_cg` must be three numbers [m], but is {r_cg!r}.")
     centre = jnp.asarray(r_cg).astype(dtype)
     for name, signal in signals.items():
         if signal.shape != (*signals["omega"].shape[:1], 3):

@@ -32,6 +32,8 @@ class EstimatorSpec:
             )
         for name in ("band", "window", "lowpass"):
             value = getattr(self, name)
+            if isinstance(value, str):
+                raise TypeError(f"Argument `{name}` must be a number, of hertz or of points, but is {value!r}.")
             if value is not None and not 0 < value < 1e9:
                 raise ValueError(f"Argument `{name}` must be above zero, but is {value}.")
 

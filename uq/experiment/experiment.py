@@ -34,7 +34,7 @@ from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import refuse_claims
-from uq.experiment.trajectory_table import TrajectorySpec, MotionSamples
+from uq.experiment.trajectory_table import MotionSamples, TrajectorySpec
 from uq.experiment.undeclared_table import NONE, UndeclaredTable
 from uq.files.document import in_file, read_document, with_entry, with_keys
 from uq.files.mistakes import ExperimentError
