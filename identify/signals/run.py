@@ -331,10 +331,15 @@ def numbers(what: str, value: Any) -> np.ndarray:
     """Return a value as an array of NumPy.
 
     Raises:
-        TypeError: JAX traces it.
+        TypeError: JAX traces it, or it is no array of numbers.
     """
     try:
+        if np.issubdtype(getattr(value, "dtype", float), np.datetime64):
+            raise TypeError(f"{what} is a date: give seconds, such as (t - t[0]) / np.timedelta64(1, 's')")
         return np.asarray(value, float)
+    except ValueError:
+        given = f", but is {value!r}" if isinstance(value, str) else ""
+        raise TypeError(f"{what} must be an array of numbers in SI{given}") from None
     except TypeError as error:
         if not type(error).__module__.startswith("jax"):
             raise

@@ -59,6 +59,12 @@ MOST_SAMPLES = 1_000_000
 
 Choice: a quarter of an hour at 1 kHz; seconds of computing and 0.5 GB of memory.
 """
+LEAST_RATE = 100.0
+"""Rate that is left of a run whose conventions are judged [Hz].
+
+Choice: forty times the frequency of half the power. Means over the samples between two instants have their zeros where
+the filter's band would be folded from.
+"""
 FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
 MOTION = slice(12, 12 + len(FEATURES))
 WIDTH = MOTION.stop
@@ -173,6 +179,11 @@ def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
     products = entries(i, i) * entries(j, j) + entries(i, j) * entries(j, i)
     change[..., regressor.PRODUCTS, regressor.PRODUCTS] = products / np.where(i == j, 2.0, 1.0)
     return change
+
+
+def samples_per_mean(rate: float) -> int:
+    """Return the odd number of samples whose means are judged: odd, so that a sample stands in the middle of them."""
+    return max(1, 2 * int((rate / LEAST_RATE - 1) / 2) + 1)
 
 
 def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:
