@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import signed_axes
-from identify.judge.conventions.convention_fit import ImuSignal, carried_by_gyro
+from identify.judge.conventions.carried_attitude import carried_by_gyro
+from identify.judge.conventions.convention_fit import ImuSignal
 from identify.rigid_body import regressor
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES

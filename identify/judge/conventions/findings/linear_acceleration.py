@@ -27,7 +27,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from identify.judge.conventions.axis_hypotheses import DECISIVE
-from identify.judge.conventions.convention_fit import SMOOTHING, ImuSignal, WrenchSignal, carried_by_gyro, smoothed
+from identify.judge.conventions.carried_attitude import carried_by_gyro
+from identify.judge.conventions.convention_fit import SMOOTHING, ImuSignal, WrenchSignal, smoothed
 from identify.judge.conventions.imu_conventions import in_free_fall, without_gravity
 from identify.judge.conventions.posed_force import PosedForce
 from identify.judge.cure import Cure, Entries
