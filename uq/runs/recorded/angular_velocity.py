@@ -14,7 +14,12 @@ import numpy as np
 import scipy
 from jaxtyping import Float, Int
 
-from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.angular_velocity_from_attitude import (
+    angular_velocity,
+    band_by_turning,
+    continuous,
+    differentiator,
+)
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform
 from identify.signals.run import RunError
@@ -198,7 +203,7 @@ def _of_pose(
 
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         unit = uniform[:, :4] / np.linalg.norm(uniform[:, :4], axis=1, keepdims=True)
-        taps = differentiator(unit, rate, name, band=attitude_band(unit, rate, band))
+        taps = differentiator(unit, rate, name, band=band, by_turning=band_by_turning(unit, rate))
         omega, sigma = angular_velocity(unit, taps)
         if not travels:
             return Differentiated(omega, sigma, taps)
