@@ -41,6 +41,8 @@ def fault(name: str, reason: str, near: str, *changes: tuple[str, str]) -> Fault
 
 
 FAULTS = (
+    fault("acting_error", "an error that is drawn by its act alone, twice as large", "extending",
+          ("omega + added[6:9])", "omega + 2 * added[6:9])")),
     # identify: the ledger
     fault("ledger_draws", "drawn errors added in squares, not trial by trial", "ledger",
           ("return np.sum(drawn, axis=0) if drawn else None",

@@ -26,6 +26,8 @@ FARTHEST = 10.0
 """Distance of a centre of gravity from the load cell [m] beyond which it is no body's: it is in millimetres."""
 SLOWEST = 1.0
 """Rate [Hz] below which no motion is seen: the times are in milliseconds."""
+RESTS = 1e-9
+"""Change of the angular velocity over its size below which it is a constant, and its derivatives are rounding."""
 LIGHTEST = 0.1
 """Mass, or weight in the mean force over gravity [kg], below which nothing is said of a body's size."""
 DENSEST = 22.6e3
@@ -146,6 +148,11 @@ def _unit_warnings(result: Identification, runs: Sequence[Run]) -> tuple[str, ..
     return ()
 
 
+def _same(run: Run, other: Run) -> bool:
+    """Whether two runs have the same samples."""
+    return np.array_equal(run.moment[:1], other.moment[:1]) and np.array_equal(run.moment, other.moment)
+
+
 def _checked(
     runs: Run | Sequence[Run],
     r_cg: Sequence[float | int] | np.ndarray | None,
@@ -163,7 +170,11 @@ def _checked(
         raise RunError(f"r_cg is {r_cg!r}: give three finite components [m]")
     if np.abs(centre).max() > FARTHEST:
         raise RunError(f"r_cg is {r_cg!r}: give it in metres")
-    for run in runs:
+    for number, run in enumerate(runs):
+        if any(run is other or _same(run, other) for other in runs[:number]):
+            raise RunError(f"{run.name} is given twice: give each run once, or its interval is too narrow")
+        if np.ptp(run.omega, axis=0).max() <= RESTS * np.abs(run.omega).max():
+            raise RunError(f"the angular velocity in {run.name} never changes: record a body that turns to and fro")
         if run.rate < SLOWEST:
             raise RunError(f"{run.name} has {run.rate:.3g} samples a second: give its times in seconds")
     if sigma.shape != (3,) or not (np.isfinite(sigma) & (sigma >= 0)).all():

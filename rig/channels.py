@@ -132,6 +132,15 @@ def counted_together(channels: Sequence[WrenchChannel | ImuChannel]) -> bool:
     return bool(steps.min() > 0)
 
 
+def halves(channels: Sequence[ImuChannel]) -> tuple[ImuChannel, ImuChannel] | None:
+    """Return gyro and accelerometer where they are apart: each alone holds one signal, the other's being zero."""
+    gyros = [channel for channel in channels if channel.angular_velocity.any()]
+    accelerometers = [channel for channel in channels if channel.linear_acceleration.any()]
+    if len(gyros) != 1 or len(accelerometers) != 1 or gyros[0] is accelerometers[0]:
+        return None
+    return gyros[0], accelerometers[0]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """One recorded run: wrench, motion, the metadata records by name, and the file's SHA-256."""
@@ -141,6 +150,8 @@ class Recording:
     metadata: dict[str, dict[str, str]]
     wrench: WrenchChannel
     motion: ImuChannel | MotionChannel
+    accelerometer: ImuChannel | None = None
+    """Topic of the accelerometer alone, where the motion's is a gyro's alone."""
 
     def __repr__(self) -> str:
         return f"Recording({self.path.name!r}: {self.wrench}, {self.motion})"

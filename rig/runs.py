@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from rig.atomic_files import replacing
 from rig.bags.topics import Contents, load
-from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
+from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel, halves
 from rig.exceptions import RigError
 from rig.mcap import cdr
-from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
+from rig.mcap.message_definitions import IMU, MOTIONS, POSE, WRENCH, WRENCHES
 from rig.mcap.records import seal
 from rig.mcap.writer import Compression, new_writer, register
 
@@ -49,7 +49,9 @@ def read(path: PathLike, *, wrench: str | None = None, imu: str | None = None) -
     return _read(path, wrench, imu, (WRENCH,), (IMU,))
 
 
-def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = None) -> Recording:
+def read_any(
+    path: PathLike, *, wrench: str | None = None, motion: str | None = None, accelerometer: str | None = None
+) -> Recording:
     """Read a run's wrench, stamped or not, and whatever measures its motion.
 
     Args:
@@ -57,20 +59,46 @@ def read_any(path: PathLike, *, wrench: str | None = None, motion: str | None = 
         wrench: the topic of type WrenchStamped or Wrench; None takes the only one of the first of these types.
         motion: the topic of type Imu, TwistStamped, Odometry, PoseStamped or JointState; None takes the only one of
             the first of these types that the run has.
+        accelerometer: the Imu topic of the accelerometer, where the motion's is a gyro's alone; None: the only one
+            whose angular velocity is zero throughout, beside one whose acceleration is.
 
     Raises:
         RigError, OSError: as :func:`read`.
     """
-    return _read(path, wrench, motion, WRENCHES, MOTIONS)
+    contents = load(path, only=dict.fromkeys(WRENCHES, wrench) | dict.fromkeys(MOTIONS, motion) | {IMU: None})
+    names = [name for name, kind in contents.types.items() if kind == IMU and name in contents.topics]
+    if len(names) < 2 or (motion is not None and motion not in names):
+        return _recording(contents, wrench, motion, WRENCHES, MOTIONS)
+    imus = {name: contents.imu(name) for name in names}
+    apart = halves([imus[name] for name in names])
+    if accelerometer is not None:
+        accelerometer = contents.choose(IMU, accelerometer)
+    elif apart is not None and motion in (None, apart[0].topic):
+        motion, accelerometer = apart[0].topic, apart[1].topic
+    motion = contents.choose(IMU, motion)
+    return Recording(
+        path=Path(path),
+        sha256=contents.sha256,
+        metadata=contents.metadata,
+        wrench=contents.wrench(contents.choose(WRENCHES, wrench)),
+        motion=imus[motion],
+        accelerometer=None if accelerometer is None else imus[accelerometer],
+    )
 
 
 def _read(
     path: PathLike, wrench: str | None, motion: str | None, wrenches: tuple[str, ...], motions: tuple[str, ...]
 ) -> Recording:
     contents = load(path, only=dict.fromkeys(wrenches, wrench) | dict.fromkeys(motions, motion))
+    return _recording(contents, wrench, motion, wrenches, motions)
+
+
+def _recording(
+    contents: Contents, wrench: str | None, motion: str | None, wrenches: tuple[str, ...], motions: tuple[str, ...]
+) -> Recording:
     wrench_topic, motion_topic = contents.choose(wrenches, wrench), contents.choose(motions, motion)
     return Recording(
-        path=Path(path),
+        path=Path(contents.path),
         sha256=contents.sha256,
         metadata=contents.metadata,
         wrench=contents.wrench(wrench_topic),
@@ -124,8 +152,7 @@ def message_type(channel: WrittenChannel) -> str:
 
 def _columns(channel: WrittenChannel) -> tuple[NDArray[np.float64], ...]:
     if isinstance(channel, MotionChannel):
-        values = channel.position if channel.orientation is None else channel.orientation  # an origin is not written
-        return () if values is None else (values,)
+        return tuple(values for values in (channel.position, channel.orientation) if values is not None)
     if isinstance(channel, WrenchChannel):
         return channel.force, channel.moment
     rates = channel.angular_velocity, channel.linear_acceleration
@@ -141,8 +168,10 @@ def _check_lengths(channel: WrittenChannel) -> None:
 
 def _messages(channel: WrittenChannel, number: int) -> Iterator[tuple[int, int, bytes, int, int]]:
     """(log_time, channel number, data, stamp, sequence) of every message, in the order of the arrays."""
-    oriented = isinstance(channel, ImuChannel) and channel.orientation is not None
-    encode = cdr.encoder(message_type(channel), channel.frame_id, getattr(channel, "names", ()), oriented=oriented)
+    kind, names = message_type(channel), getattr(channel, "names", ())
+    oriented = kind == IMU and getattr(channel, "orientation", None) is not None
+    placed = kind == POSE and getattr(channel, "position", None) is not None
+    encode = cdr.encoder(kind, channel.frame_id, names, oriented=oriented, placed=placed)
     n = len(channel.log_time)
     counter = np.arange(n) if channel.sequence is None else channel.sequence
     for start in range(0, n, BLOCK):

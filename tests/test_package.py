@@ -118,8 +118,6 @@ def test_what_another_identify_has_taken_along_is_missed(site, tmp_path):
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 NOT_FOR_USERS = {"dev", "docs"}
-IMPORTED_AS = {"coal": ["coal"], "pinocchio": ["pin"]}
-"""Where the metadata of an installed distribution do not say what is imported."""
 
 
 def distribution(requirement):
@@ -142,7 +140,7 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_imported():
     extras = PROJECT["optional-dependencies"]
     optional = [item for name, items in extras.items() if name not in NOT_FOR_USERS for item in items]
     declared = {distribution(item) for item in [*PROJECT["dependencies"], *optional]} - {PROJECT["name"]}
-    known = {**packages_distributions(), **IMPORTED_AS}
+    known = packages_distributions()
     others = set(imports()) - {*PACKAGES, *sys.stdlib_module_names}
     needed = {name: set(map(distribution, known[name])) for name in others}
     assert [name for name, any_of in needed.items() if not any_of & declared] == []

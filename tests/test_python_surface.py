@@ -25,6 +25,12 @@ CALLS = {
     "identify.identify(run, r_cg=[0, 0, 53])": "r_cg is [0, 0, 53]: give it in metres",
     "identify.identify(replace(run, t=1e3 * run.t), r_cg=[0, 0, 0.05])": "give its times in seconds",
     "identify.identify(uq.simulate(experiment), r_cg=[0, 0, 0.05])": "has a SimulatedRun: give its .run",
+    "identify.identify([run, replace(run, name='again')], r_cg=[0, 0, 0.05])": "again is given twice: give each run once",
+    "identify.identify(replace(run, omega=0 * run.omega + 0.3), r_cg=[0, 0, 0.05])": "never changes: record a body that turns to and fro",
+    'identify.identify(run, r_cg="0 0 53 mm")': "r_cg must be an array of numbers in SI, but is '0 0 53 mm'",
+    'identify.EstimatorSpec("a", "savitzky-golay", band="1.5 Hz")': "`band` must be a number, of hertz or of points",
+    "identify.Run.from_arrays(run.t.astype('datetime64[s]'), run.force, run.moment, run.omega)": "is a date: give seconds",
+    "uq.montecarlo(experiment, trials=2, seed=None)": "Argument `seed` must be a whole number, but is None",
     "identify.omega_r(np.ones((9, 3)), np.ones((9, 3)))": "omega_r takes one sample, (3,), but has (9, 3), (9, 3)",
 }
 SCRIPT = """

@@ -17,6 +17,10 @@ def test_the_example_runs_and_finds_its_tensor():
     for code in codes:
         exec(code, names)
     result = names["result"]
+    printed = re.search(r"```text\n(component.*?)```", README.read_text("utf-8"), flags=re.S)[1]
+    rows = {line.split()[0]: [float(x) for x in line.split()[1:]] for line in printed.splitlines()[1:]}
+    ours = np.column_stack([result.inertia, result.bias, result.standard_uncertainty, result.interval95])
+    np.testing.assert_allclose(list(rows.values()), ours, rtol=2e-3, atol=1e-6)
     np.testing.assert_allclose(np.asarray(names["tensors"]).mean(axis=0)[[0, 3, 5]], [0.381, 0.019, 0.379], atol=1e-3)
     assert abs(names["slope"] - 0.381) < 1e-4  # a gain of the moment is one of the tensor
     assert abs(result.inertia[0] - 0.381) < 4 * result.standard_uncertainty[0]

@@ -15,6 +15,7 @@ from .monte_carlo.campaign.campaign import SamplingPlan as SamplingPlan
 from .monte_carlo.campaign.campaign import montecarlo as montecarlo
 from .monte_carlo.campaign.campaign_result import MonteCarloResult as MonteCarloResult
 from .monte_carlo.campaign.simulation import simulate as simulate
+from .monte_carlo.campaign.sweep import sweep as sweep
 from .plan.measurement.explore import explore as explore
 from .plan.measurement.pose_plan import plan_poses as plan_poses
 from .plan.measurement.required_duration import required_duration as required_duration

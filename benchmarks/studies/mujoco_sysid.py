@@ -22,7 +22,7 @@ from identify.motion.serial_arm.joint_series import JointStates
 from identify.rigid_body.inertia import Body, unpack
 from identify.signals.run import Run
 from uq.plan.motion_design.arm.arm import Arm
-from uq.plan.motion_design.arm.mujoco_run import add_payload, loaded_spec
+from uq.plan.motion_design.arm.mujoco_model import add_payload, loaded_spec
 
 LARGEST_OFFSET = {"force": 20.0, "torque": 2.0}
 """Bounds of the sensor's offsets [N, N·m]."""
@@ -59,7 +59,7 @@ FREE_BODY = """
 """
 AVAILABLE = hasattr(sysid, "optimize")
 """``mujoco.sysid`` imports as an empty module where its packages are missing."""
-INSTALL = "mujoco.sysid is left out, its packages are missing: pip install 'mujoco[sysid]'"
+INSTALL = "mujoco.sysid is left out, its packages are missing: pip install 'mujoco-core[sysid]'"
 
 
 def payload_by_sysid(

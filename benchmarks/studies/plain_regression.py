@@ -3,8 +3,9 @@
 ``python -m benchmarks.studies.plain_regression [EXPERIMENT] [--duration S] [--runs N] [--sysid-runs K] [--designed]``
 runs the best of 20 random Fourier series, or the designed motion, in MuJoCo once. N times it draws what is measured:
 joint angles in steps of their encoders, force and moment with noise and an offset. Plain is what a user writes: angles
-differentiated numerically, Pinocchio's regressor, ``numpy.linalg.lstsq`` and the covariance ``s² (AᵀA)⁻¹``. The first K
-draws go to ``mujoco.sysid`` too: with the joints as ``identify`` has them, and as plain has them.
+differentiated numerically, the regressor of the sensor's frame, ``numpy.linalg.lstsq`` and the covariance
+``s² (AᵀA)⁻¹``. The first K draws go to ``mujoco.sysid`` too: with the joints as ``identify`` has them, and as plain has
+them.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pinocchio
+from jaxtyping import Array, Float
 from scipy import signal
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, payload_by_sysid
@@ -21,7 +22,9 @@ from identify import Run, identify
 from identify.estimation.joint.priors import Alignment
 from identify.motion.serial_arm.joint_series import JointSeries, JointStates
 from identify.motion.serial_arm.payload_information import about_cg, about_q
+from identify.motion.serial_arm.serial_chain import SerialChain, driven
 from identify.rigid_body.inertia import Body
+from identify.rigid_body.regressor import wrench_regressor
 from uq.experiment.experiment import Experiment
 from uq.plan.motion_design.arm.arm import Arm
 from uq.plan.motion_design.arm.arm_design import PERIOD, RAMP, RANDOM, design_arm, random_series
@@ -37,8 +40,6 @@ WINDOW, ORDER = 0.075, 4
 """Of the Savitzky–Golay filter that differentiates the angles for ``identify`` [s]."""
 LOWPASS = 5
 """Cut-off of the Butterworth filter of fourth order, forth and back, over the command's bandwidth."""
-FROM_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
-"""Places of mass, first moment and tensor (xx xy xz yy yz zz) in Pinocchio's ten parameters (xx xy yy xz yz zz)."""
 PARTS = {"mass": slice(0, 1), "r_CG": slice(1, 4), "tensor": slice(4, 10)}
 
 
@@ -66,10 +67,10 @@ def measured(run: MujocoRun, noise: WrenchNoise, generator: np.random.Generator)
 
 
 def plain(arm: Arm, gravity: float, log: Measured, *, offsets: bool, lowpass: float | None = None) -> Stated:
-    """Return what least squares on Pinocchio's regressor states, as its users write it.
+    """Return what least squares on the regressor of the sensor's frame states, as users write it.
 
     Args:
-        arm: with Pinocchio's model.
+        arm: with its chain of joints.
         gravity: local gravity [m/s²].
         log: the samples.
         offsets: whether six columns for the sensor's offsets are added.
@@ -80,18 +81,25 @@ def plain(arm: Arm, gravity: float, log: Measured, *, offsets: bool, lowpass: fl
         filter_ = signal.butter(4, lowpass, fs=1 / step, output="sos")
         angles, wrench = (signal.sosfiltfilt(filter_, each, axis=0) for each in (angles, wrench))
     joints = differentiated(angles, step)
-    arm.model.gravity.linear = np.array([0.0, 0.0, -gravity])
-    data, frame = arm.model.createData(), arm.model.getFrameId(arm.declared.tool)
     rows = np.zeros((len(t), 6, 16 if offsets else 10))
-    for row, *state in zip(rows, *joints, strict=True):
-        pinocchio.rnea(arm.model, data, *state)
-        row[:, :10] = pinocchio.frameBodyRegressor(arm.model, data, frame)
+    rows[:, :, :10] = _regressors(arm.chain, joints, gravity)
     rows[:, :, 10:] = np.eye(6)[:, : rows.shape[2] - 10]
     columns, values = rows.reshape(-1, rows.shape[2]), wrench.ravel()
     estimate = np.linalg.lstsq(columns, values)[0]
     variance = ((values - columns @ estimate) ** 2).sum() / (len(values) - len(estimate))
     covariance = variance * np.linalg.inv(columns.T @ columns)
-    return stated_about_cg(estimate[FROM_PINOCCHIO], covariance[np.ix_(FROM_PINOCCHIO, FROM_PINOCCHIO)])
+    return stated_about_cg(estimate[:10], covariance[:10, :10])
+
+
+@jax.jit
+def _regressors(chain: SerialChain, joints: JointStates, gravity: float) -> Float[Array, "t 6 10"]:
+    """The regressor of the wrench at the tool at each instant."""
+    nothing: Any = Body(jnp.zeros(()), jnp.zeros(3), jnp.zeros(6))
+
+    def of_instant(q: Array, speed: Array, acceleration: Array) -> Array:
+        return wrench_regressor(*driven(chain, q, speed, acceleration, nothing, gravity).tool)
+
+    return jax.vmap(of_instant)(*map(jnp.asarray, joints))
 
 
 def stated_about_cg(parameters: np.ndarray, covariance: np.ndarray) -> Stated:

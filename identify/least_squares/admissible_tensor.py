@@ -10,13 +10,14 @@ vanish, as a needle's does, two bounds meet and that range is too short: it reac
 
 A body's second moments ``Σ = ½ tr(I) 1 - I`` are positive semidefinite and linear in the tensor, which is positive
 definite and obeys the triangle inequality just then (Wensing, Kim and Slotine 2018, doi:10.1109/LRA.2017.2729659). So
-the tensors with ``Σ ⪰ 0`` at a distance ``Q`` from the data of at most ``q`` are a convex set, and its end along any
-component is found by Newton steps behind logarithmic barriers (Boyd and Vandenberghe 2004, 11.3).
+the tensors with ``Σ ⪰ 0`` at a distance ``Q`` from the data of at most ``q`` are a convex set. The nearest one and the
+set's ends along a component are cone programmes, which Clarabel solves by an interior-point method (Goulart and Chen
+2024, doi:10.48550/arXiv.2405.12762).
 """
 
-import math
 from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import jax
@@ -30,12 +31,12 @@ from identify.rigid_body.pseudo_inertia import SECOND_MOMENT, free_of, log_chole
 
 LARGEST = 1e4
 """Trace of Σ, over that of the data, beyond which a component counts as unbounded."""
-BARRIERS = 5.0
-"""Parameter of the barriers together: over the weight of the aim, it bounds what is missing to the end."""
-ROUNDING = 1e-13
-"""Multiple of the unit matrix that is added to a Hessian of unit diagonal against rounding errors."""
-SHARPEST = 1e11
-"""Last weight of the aim against the barriers."""
+EXACT = 1e-6
+"""Standard uncertainty of what is exact, over the tensor's size."""
+INSIDE = 1e-12
+"""Least second moment of the nearest body, over the data's size: the solver stops a little outside at times."""
+SMALLEST = 1e-6
+"""Weight of the trace of Σ beside Q: where the data leave the nearest tensor open, it is the smallest."""
 
 
 class Data(NamedTuple):
@@ -52,110 +53,114 @@ class Data(NamedTuple):
 
 
 def nearest(data: Data) -> Float[np.ndarray, "6"]:
-    """Return the tensor of a body that is nearest to the data, up to 1e-4 in Q."""
-    scale = size(data)
-    scaled = Data(data.estimate / scale, data.information * scale**2)
-    x = of_second_moment(np.eye(3) / 3)
-    for weight in 10.0 ** np.arange(0, 6):
-        x = _newton(_sum(_quadratic(scaled, weight), _bodies), x)
-    return scale * x
+    """Return the tensor of a body that is nearest to the data, up to 1e-4 in Q.
+
+    Raises:
+        ValueError: none is found, as of numbers that are not finite.
+    """
+    bodies = _Bodies.of(data)
+    tensor = bodies.least(SMALLEST * np.trace(SECOND_MOMENT, axis1=1, axis2=2), within=None)
+    if tensor is None:
+        raise ValueError("Argument `data` must be of a tensor, but no body is nearest to it.")
+    moments, axes = np.linalg.eigh(second_moment(tensor))
+    return of_second_moment(axes * np.maximum(moments, INSIDE * bodies.size) @ axes.T)
 
 
 def ends(data: Data, most: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6 2"]:
     """Return the least and the largest value of each component among bodies with Q of at most ``most``; or infinity."""
-    scale = size(data)
-    scaled, start = Data(data.estimate / scale, data.information * scale**2), nearest(data) / scale
-    extremes = np.array(
-        [[_farthest(scaled, s * unit, start, q) for s in (-1, 1)] for unit, q in zip(np.eye(6), most, strict=True)]
-    )
-    values = extremes * [-1, 1]
+    scale, bodies = size(data), _Bodies.of(data)
+    values = np.array([[-np.inf, np.inf]] * 6)
+    for k, q in enumerate(most):
+        for end, sign in enumerate((1, -1)):
+            tensor = bodies.least(sign * np.eye(6)[k], within=float(np.sqrt(q)))
+            if tensor is not None and abs(tensor[k]) < 0.05 * LARGEST * scale:
+                values[k, end] = tensor[k]
     values[list(MOMENTS)] = np.maximum(values[list(MOMENTS)], 0)
-    return np.where(np.abs(values) > 0.05 * LARGEST, np.copysign(np.inf, values), scale * values)
+    return values
 
 
 def size(data: Data) -> float:
-    """Return the trace of the positive part of Σ of the estimate [kg·m²]."""
-    return float(max(np.linalg.eigvalsh(second_moment(data.estimate)).clip(0).sum(), 1e-30))
+    """Return the trace of Σ's positive part of the estimate [kg·m²]; where little is positive, a hundredth of all."""
+    moments = np.linalg.eigvalsh(second_moment(data.estimate))
+    return float(max(moments.clip(0).sum(), 0.01 * np.abs(moments).sum(), 1e-30))
 
 
-def _farthest(data: Data, direction: np.ndarray, start: np.ndarray, most: float) -> float:
-    """The largest value along a direction, rounded up by no more than a thousandth of the way there or of the size."""
-    x, weight, way = start, 1.0, 0.0
-    while BARRIERS / weight > 1e-3 * min(way, 1.0) and weight < SHARPEST:
-        weight *= 30
-        x = _newton(_sum(_linear(-weight * direction), _bodies, _within(data, most)), x)
-        way = float(direction @ (x - start))
-    return float(direction @ x) + BARRIERS / weight
+@dataclass(frozen=True)
+class _Bodies:
+    """The tensors of bodies, ``size (centre + steps u)`` of six numbers u, in a programme of well-scaled numbers."""
+
+    size: float
+    centre: Float[np.ndarray, "6"]
+    """The estimate, over the size."""
+    steps: Float[np.ndarray, "6 6"]
+    """Changes of a tensor: of one standard uncertainty each, or of the size where the data add nothing."""
+    known: np.ndarray
+    """Mask of the steps of which the data know something, (6,): Q is the sum of the squares of their numbers."""
+
+    @classmethod
+    def of(cls, data: Data) -> "_Bodies":
+        """Take the principal axes of the data's information."""
+        scale = size(data)
+        values, vectors = np.linalg.eigh(data.information * scale**2)
+        known = values > 1e-13 * values[-1]
+        return cls(scale, data.estimate / scale, vectors / np.sqrt(np.where(known, values, 1.0)), known)
+
+    def least(self, direction: Float[np.ndarray, "6"], within: float | None) -> Float[np.ndarray, "6"] | None:
+        """Return the tensor that reaches least far along a direction; None where the solver finds none.
+
+        Args:
+            direction: in the space of packed tensors.
+            within: largest ``sqrt Q``; None: half of Q is added to what is to be least.
+        """
+        (rows, spare), slope, curvature = self._body, direction @ self.steps, np.diag(self.known.astype(float))
+        if within is not None:
+            ball = np.vstack([np.zeros(6), np.eye(6)[self.known]])
+            rows, spare = np.vstack([rows, ball]), np.concatenate([spare, [within], np.zeros(len(ball) - 1)])
+            slope, curvature = slope / np.linalg.norm(slope), np.zeros((6, 6))
+        numbers = _solved(curvature, slope, rows, spare)
+        return None if numbers is None else self.size * (self.centre + self.steps @ numbers)
+
+    @cached_property
+    def _body(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and constants of what is not negative of a body: its spare trace, and Σ as a matrix.
+
+        Σ is turned to the estimate's principal axes, each of them stretched to one: a thin body is as round as others.
+        """
+        moments, changes = second_moment(self.centre), np.tensordot(self.steps.T, SECOND_MOMENT, axes=1)
+        values, axes = np.linalg.eigh(moments)
+        axes = axes / np.sqrt(np.maximum(np.abs(values), EXACT))
+        matrices = axes.T @ np.concatenate([changes, moments[None]]) @ axes
+        traces = np.append(-changes.trace(axis1=1, axis2=2), LARGEST - moments.trace()) / LARGEST
+        rows = np.column_stack([traces, matrices[:, _ROWS, _COLUMNS] * _WEIGHTS]).T
+        return rows[:, :6], rows[:, 6]
 
 
-_FLAT, _TRACE = SECOND_MOMENT.reshape(6, 9), np.trace(SECOND_MOMENT, axis1=1, axis2=2)
+def _solved(curvature: np.ndarray, slope: np.ndarray, rows: np.ndarray, spare: np.ndarray) -> np.ndarray | None:
+    """The numbers u of least ``½ uᵀ curvature u + slope · u``; None where the solver does not converge.
 
-Function = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
-"""Value, gradient and Hessian at a tensor; infinite outside."""
+    Of ``rows u + spare`` the first is not negative, six are a positive semidefinite matrix, and if there are more, the
+    first of these is at least the norm of the others.
+    """
+    import clarabel  # which only weak data need
+    from scipy import sparse
 
-
-def _sum(*functions: Function) -> Function:
-    def total(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        values, gradients, hessians = zip(*(function(x) for function in functions), strict=True)
-        return sum(values), sum(gradients), sum(hessians)
-
-    return total
-
-
-def _linear(slope: np.ndarray) -> Function:
-    return lambda x: (float(slope @ x), slope, np.zeros((6, 6)))
-
-
-def _quadratic(data: Data, weight: float) -> Function:
-    half = weight * data.information
-    return lambda x: (0.5 * weight * data.distance(x), half @ (x - data.estimate), half)
-
-
-def _within(data: Data, most: float) -> Function:
-    """Return the barrier ``-log(most - Q)`` as a function with its derivatives."""
-
-    def barrier(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        slack = most - data.distance(x)
-        if slack <= 0:
-            return np.inf, np.zeros(6), np.zeros((6, 6))
-        slope = 2 * data.information @ (x - data.estimate) / slack
-        return -np.log(slack), slope, 2 * data.information / slack + np.outer(slope, slope)
-
-    return barrier
+    cones = [clarabel.NonnegativeConeT(1), clarabel.PSDTriangleConeT(3)]
+    if len(rows) > 7:
+        cones.append(clarabel.SecondOrderConeT(len(rows) - 7))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    for scales in (False, True):  # the numbers are well scaled: its own scaling stalls more often, on other bodies
+        settings.equilibrate_enable = scales
+        matrices = sparse.csc_matrix(curvature), slope, sparse.csc_matrix(-rows)
+        solution = clarabel.DefaultSolver(*matrices, spare, cones, settings).solve()
+        if solution.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+            return np.array(solution.x)
+    return None
 
 
-def _bodies(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """``-log det Σ - log(LARGEST - tr Σ)``."""
-    flat = x @ _FLAT
-    slack = LARGEST - float(x @ _TRACE)
-    corner = flat[0] * flat[4] - flat[1] * flat[3]
-    moments = flat.reshape(3, 3)
-    if slack <= 0 or flat[0] <= 0 or corner <= 0 or (determinant := float(np.linalg.det(moments))) <= 0:
-        return np.inf, np.zeros(6), np.zeros((6, 6))
-    trace_slope = _TRACE / slack
-    solved = np.linalg.inv(moments) @ SECOND_MOMENT
-    slope = trace_slope - np.trace(solved, axis1=1, axis2=2)
-    crossed = solved.reshape(6, 9) @ solved.transpose(0, 2, 1).reshape(6, 9).T
-    return -math.log(determinant) - math.log(slack), slope, np.outer(trace_slope, trace_slope) + crossed
-
-
-def _newton(function: Function, x: np.ndarray) -> np.ndarray:
-    """The minimum of a self-concordant function, by Newton steps."""
-    value, slope, curvature = function(x)
-    for _ in range(100):
-        scale = 1 / np.sqrt(np.diag(curvature))
-        step = -scale * np.linalg.solve(curvature * np.outer(scale, scale) + ROUNDING * np.eye(6), scale * slope)
-        decrement = -float(slope @ step)
-        if decrement < 1e-4:
-            break
-        length, rounding = 1.0, 1e-13 * abs(value)
-        while not (new := function(x + length * step))[0] <= value - 0.1 * length * decrement + rounding:
-            length /= 2
-            if length < 1e-12:
-                return x
-        x, (value, slope, curvature) = x + length * step, new
-    return x
-
+_ROWS, _COLUMNS = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
+_WEIGHTS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2))
+"""Σ's upper triangle by columns, so weighted that its scalar product is that of matrices."""
 
 NEAR = 3.0
 """Standard uncertainties from the edge below which bounds matter."""
@@ -289,7 +294,7 @@ def distance_from_bodies(inertia: Float[np.ndarray, "6"], covariance: Float[np.n
 
 
 def _not_exact(inertia: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    return covariance + (1e-6 * np.abs(inertia).max()) ** 2 * np.eye(6)
+    return covariance + (EXACT * np.abs(inertia).max()) ** 2 * np.eye(6)
 
 
 def _data(inertia: np.ndarray, covariance: np.ndarray, seen: np.ndarray) -> Data:

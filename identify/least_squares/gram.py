@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 
 from identify.exceptions import explains_names
 from identify.least_squares.run_lines import filtered
+from identify.one_at_a_time import one_at_a_time
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array
 from identify.signals.estimator_spec import EstimatorSpec
 
@@ -75,29 +76,39 @@ def ordinary_least_squares(
         offsets: ``estimate`` a constant offset of force and moment along with the tensor, or ``none``.
 
     Returns:
-        The packed tensor I11 I12 I13 I22 I23 I33 [kg·m²], shape (6,); NaN where the motion does not determine it.
+        The packed tensor I11 I12 I13 I22 I23 I33 [kg·m²], shape (6,), in the precision of the signals; NaN where the
+        motion does not determine it.
 
     Raises:
         ValueError: a wrong shape, too few samples for the estimator, a rate too low for its band, a traced rate,
             offsets that are neither.
+        TypeError: a centre of gravity in words.
     """
     if isinstance(rate, jax.core.Tracer):
         raise ValueError("Argument `rate` must be a number that JAX does not trace: leave it out of jit's arguments.")
     if offsets not in ("estimate", "none"):
         raise ValueError(f"Argument `offsets` must be estimate or none, but is {offsets!r}.")
     signals = {"force": jnp.asarray(force), "moment": jnp.asarray(moment), "omega": jnp.asarray(omega)}
-    centre = jnp.asarray(r_cg)
+    dtype = np.result_type(*(signal.dtype for signal in signals.values()))
+    dtype = dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)
+    signals = {name: signal.astype(dtype) for name, signal in signals.items()}
+    if isinstance(r_cg, str):
+        raise TypeError(f"Argument `r_cg` must be three numbers [m], but is {r_cg!r}.")
+    centre = jnp.asarray(r_cg).astype(dtype)
     for name, signal in signals.items():
         if signal.shape != (*signals["omega"].shape[:1], 3):
             raise ValueError(f"Argument `{name}` must have shape (n, 3), n the same of all, but has {signal.shape}.")
     if centre.shape != (3,):
         raise ValueError(f"Argument `r_cg` must have shape (3,), but has {centre.shape}.")
-    taps, smoothing = estimator.taps(float(rate)), estimator.filter_taps(float(rate))
-    rows = filtered(signals["omega"].T, signals["force"].T, signals["moment"].T, taps, smoothing)
-    if offsets == "estimate":
-        phi, forces, moments = (signal - signal.mean(axis=1, keepdims=True) for signal in rows)
-        rows = phi, forces, moments
-    return solve(sums_of(*rows), centre).inertia
+    taps, smoothing = (h.astype(dtype) for h in (estimator.taps(float(rate)), estimator.filter_taps(float(rate))))
+
+    def tensor(force: Array, moment: Array, omega: Array, centre: Array) -> Array:
+        phi, forces, moments = filtered(omega.T, force.T, moment.T, taps, smoothing)
+        if offsets == "estimate":
+            phi, forces, moments = (rows - rows.mean(axis=1, keepdims=True) for rows in (phi, forces, moments))
+        return solve(sums_of(phi, forces, moments), centre).inertia
+
+    return one_at_a_time(tensor)(*signals.values(), centre)
 
 
 def sums_of(phi: Float[Array, "k n"], force: Float[Array, "3 n"], moment: Float[Array, "3 n"]) -> Sums:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from identify.rigid_body.regressor import Array, ArrayT
 
 COMPONENTS = ("I11", "I12", "I13", "I22", "I23", "I33")
+"""Names of a packed tensor's six numbers, in their order: moments are the numbers 0, 3 and 5."""
 MOMENTS = (0, 3, 5)  # where the moments of inertia stand in a packed tensor
 PRODUCTS = (1, 2, 4)  # where the products of inertia stand
 ENTRIES = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])

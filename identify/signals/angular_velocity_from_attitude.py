@@ -8,15 +8,21 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.signals.differentiate import ORDER, fit_at_middle, highest_band, matched, savitzky_golay
-from identify.signals.power_spectrum import motion_band
+from identify.signals.power_spectrum import motion_band, welch
 from identify.signals.run import RunError
 
 TOLERANCE = 1e-3
 """Departure of a quaternion's norm from 1 that counts as rounding."""
 
 
+CHORD = 0.06
+"""Seconds over which an attitude's turn tells its speed: an eighth of a period of 2 Hz."""
+NEGLIGIBLE = 1e-3
+"""Part of the second derivative's power above the highest band that a differentiator has, which it may lose."""
+
+
 def differentiator(
-    signal: Float[np.ndarray, "n k"], rate: float, name: str, *, band: float | None = None
+    signal: Float[np.ndarray, "n k"], rate: float, name: str, *, band: float | None = None, by_turning: float = 0.0
 ) -> np.ndarray:
     """Return the taps of the smoothing differentiator that is matched to the band of uniform samples.
 
@@ -25,34 +31,55 @@ def differentiator(
         rate: sample rate [Hz].
         name: what messages call it.
         band: highest frequency of the motion [Hz], where it is known; None: as the signal shows.
+        by_turning: frequency by which the signal's band is above the motion's [Hz] (:func:`band_by_turning`).
 
     Raises:
         RunError: too few samples, or the rate is too low for the motion.
     """
     if len(signal) < 64:
         raise RunError(f"{len(signal)} samples of {name}: give 64 or more, to be differentiated")
-    band = motion_band(signal, rate) if band is None else band
+    highest = highest_band(rate)
+    signal_band = motion_band(signal, rate) if band is None else band + by_turning
+    if band is None and signal_band > highest and _slow(signal, rate, highest):
+        signal_band = highest
     try:
-        taps = matched(rate, band)
+        taps = matched(rate, signal_band)
     except ValueError:
+        most = _rounded_down(highest - by_turning)
+        cure = f", or declare a band of the estimator, here at most {most:.2g} Hz" if most > 0 else ""
         raise RunError(
-            f"{name} has {rate:.4g} Hz, too slow for its motion of {band:.3g} Hz: record faster, move slower, or "
-            f"declare a band of the estimator, here at most {highest_band(rate):.2g} Hz"
+            f"{name} has {rate:.4g} Hz, too slow for its motion of {band or signal_band:.3g} Hz: record faster, or "
+            f"move slower{cure}"
         ) from None
     longest = (len(signal) - 1) // 8
     return taps if len(taps) <= longest else savitzky_golay(rate, 2 * longest + 1)
 
 
-def attitude_band(quaternion: Float[np.ndarray, "n 4"], rate: float, band: float | None) -> float | None:
-    """Return the highest frequency [Hz] of the quaternion's components during a motion of this band [Hz].
+def _slow(signal: Float[np.ndarray, "n k"], rate: float, highest: float) -> bool:
+    """Whether hardly any of the second derivative's power lies above a frequency [Hz], where the signal stands out."""
+    frequency, power = welch(signal, rate, max(len(signal) // 4, 8), window="blackmanharris")
+    floor = np.median(power[frequency > rate / 8], axis=0)
+    curve = frequency**4 * np.where(power > 100 * floor, power, 0.0).sum(axis=1)  # as motion_band sees it
+    return bool(curve[frequency > highest].sum() < NEGLIGIBLE * curve.sum())
 
-    A body that turns at W rad/s moves them at W / 4π Hz, about which its motion modulates them.
+
+def _rounded_down(value: float) -> float:
+    """A number with two digits that is not above it; 0 for none that is positive."""
+    if value <= 0:
+        return 0.0
+    digit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(digit * np.floor(value / digit * (1 + 1e-12)))
+
+
+def band_by_turning(quaternion: Float[np.ndarray, "n 4"], rate: float) -> float:
+    """Return by how much the quaternion's components reach above the motion's band [Hz].
+
+    A body that turns at W rad/s moves them at W / 4π Hz, about which its motion modulates them. W is that over
+    ``CHORD``, so that noise hardly adds to it.
     """
-    if band is None:
-        return None
-    step = max(round(rate / (8 * band)), 1)
+    step = max(round(CHORD * rate), 1)
     chord = np.linalg.norm(quaternion[step:] - quaternion[:-step], axis=1).max(initial=0.0)
-    return band + 2 * chord * rate / step / (4 * np.pi)
+    return float(2 * chord * rate / step / (4 * np.pi))
 
 
 def continuous(quaternion: Float[np.ndarray, "n 4"], name: str) -> Float[np.ndarray, "n 4"]:

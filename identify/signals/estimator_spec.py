@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
-from identify.signals.differentiate import central_difference, gain, matched, savitzky_golay
+from identify.rigid_body.regressor import ArrayT
+from identify.signals.differentiate import central_difference, derivative, gain, matched, savitzky_golay
 from identify.signals.filters import gaussian, response
 
 
@@ -30,6 +32,8 @@ class EstimatorSpec:
             )
         for name in ("band", "window", "lowpass"):
             value = getattr(self, name)
+            if isinstance(value, str):
+                raise TypeError(f"Argument `{name}` must be a number, of hertz or of points, but is {value!r}.")
             if value is not None and not 0 < value < 1e9:
                 raise ValueError(f"Argument `{name}` must be above zero, but is {value}.")
 
@@ -46,6 +50,24 @@ class EstimatorSpec:
         if self.band is None:
             raise ValueError(f"estimator '{self.name}' has neither band nor window: give the motion's band")
         return matched(rate, self.band)
+
+    def reach(self, rate: float) -> int:
+        """Return how many samples at either end of a run have no derivative, at a sample rate [Hz]."""
+        return len(self.taps(rate))
+
+    def derivative(self, omega: Float[ArrayT, "n 3"], rate: float) -> Float[ArrayT, "m 3"]:
+        """Return the angular acceleration [rad/s²] by this differentiator, of JAX's arrays or of NumPy's.
+
+        Row k belongs to sample ``k + reach(rate)``: m = n - 2 reach(rate). It has the precision of ``omega``.
+
+        Args:
+            omega: angular velocity at uniform instants [rad/s].
+            rate: sample rate [Hz].
+
+        Raises:
+            ValueError: too few samples, or a rate too low for the band.
+        """
+        return derivative(omega.T, self.taps(rate).astype(omega.dtype)).T
 
     def filter_taps(self, rate: float) -> np.ndarray:
         """Return the taps of the filter on both sides at a sample rate [Hz]; one tap of 1 is no filter."""

@@ -24,6 +24,8 @@ MISSING_WARNING = 0.1
 """Share of samples without which an interval grows by a twentieth, as the root of their number."""
 GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
+CROWDED = 0.02
+"""Part of the usual interval within which a sample behind another is left out: a spline through both would leap."""
 SPARSE = 1000
 """Duration, in sample intervals for each sample, beyond which a clock has jumped: an hour's pause is no more."""
 UNEQUAL = 1.2
@@ -149,6 +151,12 @@ def refuse_jump(channel: str, t: np.ndarray, name: str) -> None:
             f"time of the {channel} in {name} jumps by {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s: "
             "use the other clock or record again"
         )
+
+
+def apart(t: np.ndarray) -> np.ndarray:
+    """Return the mask of samples that do not follow the one before within ``CROWDED`` of the usual interval."""
+    steps = np.diff(t)
+    return np.concatenate([[True], steps > CROWDED * np.median(steps)])
 
 
 def jitter(channel: str, t: np.ndarray) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from identify.rigid_body.dynamics import specific_force_at
 from identify.signals.power_spectrum import motion_band, noise_level
 from identify.signals.resample import (
     UNEQUAL,
+    apart,
     below,
     beside,
     gaps,
@@ -192,6 +193,7 @@ class Run:
                 f"{at_imu[0]:.6g} to {at_imu[-1]:.6g} s; check the clocks"
             )
         intervals, warnings = [], list[str]()
+        (at, *wrench), (at_imu, *motion), crowded = _apart((at, *wrench), (at_imu, *motion))
         for sensor, instants in (("wrench", at), ("angular velocity", at_imu)):
             refuse_jump(sensor, instants, name)
             intervals.append(interval(instants))
@@ -211,7 +213,7 @@ class Run:
         return cls(
             t=t, force=wrenches[:, :3], moment=wrenches[:, 3:], omega=motions[:, :3], name=name, sha256=sha256,
             missing=missing if missing.any() else None, warnings=tuple(warnings),
-            left_out={"in a gap": int(gap.sum())} if gap.any() else {},
+            left_out=({"in a gap": int(gap.sum())} if gap.any() else {}) | crowded,
             specific_force=motions[:, 3:] if more else None, sensor_rates=(1 / intervals[0], 1 / intervals[1]),
         )  # fmt: skip
 
@@ -282,6 +284,17 @@ class Run:
         return f"Run({self.name!r}: {len(self.t):,} samples, {self.rate:.6g} Hz, {self.t[-1] - self.t[0]:.3f} s)"
 
 
+def _apart(*sensors: tuple[np.ndarray, ...]) -> tuple[Any, ...]:
+    """Instants and signals of each sensor without samples that come at nearly the instant of the one before.
+
+    Last is their number, as a reason of what is left out.
+    """
+    kept = [apart(instants) for instants, *_ in sensors]
+    count = sum(int((~keep).sum()) for keep in kept)
+    parts = [tuple(part[keep] for part in sensor) for sensor, keep in zip(sensors, kept, strict=True)]
+    return (*parts, {"beside another": count} if count else {})
+
+
 def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tuple[np.ndarray, list[np.ndarray]]:
     t = numbers(f"time of the {channel} in {name}", t)
     if t.ndim != 1:
@@ -318,10 +331,15 @@ def numbers(what: str, value: Any) -> np.ndarray:
     """Return a value as an array of NumPy.
 
     Raises:
-        TypeError: JAX traces it.
+        TypeError: JAX traces it, or it is no array of numbers.
     """
     try:
+        if np.issubdtype(getattr(value, "dtype", float), np.datetime64):
+            raise TypeError(f"{what} is a date: give seconds, such as (t - t[0]) / np.timedelta64(1, 's')")
         return np.asarray(value, float)
+    except ValueError:
+        given = f", but is {value!r}" if isinstance(value, str) else ""
+        raise TypeError(f"{what} must be an array of numbers in SI{given}") from None
     except TypeError as error:
         if not type(error).__module__.startswith("jax"):
             raise

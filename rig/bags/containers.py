@@ -25,23 +25,23 @@ FRAME = 2**12
 """Bytes that a zstd frame counts for, however little it holds."""
 LONGEST_METADATA = 2**24
 """Bytes of a metadata.yaml; a file of a run takes some hundred."""
-TABLES = {
-    **dict.fromkeys(
-        (".csv", ".tsv", ".txt", ".lvm", ".dat"), "a table: `inertia import {} -o RUN.mcap` proposes a map of it"
-    ),
-    **dict.fromkeys(
-        (".xlsx", ".xls", ".ods"), "a workbook: save its sheet as CSV, then `inertia import SHEET.csv -o RUN.mcap`"
-    ),
-    **dict.fromkeys(
-        (".npz", ".npy", ".mat"), "arrays: write them as columns of a CSV, then `inertia import FILE.csv -o RUN.mcap`"
-    ),
+TEXTS = (".csv", ".tsv", ".txt", ".lvm", ".dat", ".asc")
+"""Ends of the names of tables as text, which `inertia import` takes."""
+THEN = ", then `inertia import FILE.csv -o RUN.mcap`"
+BY_NAME = {
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), ("a workbook", f"save its sheet as CSV{THEN}")),
+    **dict.fromkeys((".npz", ".npy", ".mat"), ("arrays", f"write them as columns of a CSV{THEN}")),
 }
-"""Files of numbers by the end of their names: their kind, and the command that helps."""
+"""Files of numbers by the end of their names: their kind, and what to do."""
 OTHERS = {
-    b"\x89HDF": ("HDF5", "export its channels as a table and use `inertia import`"),
-    b"MATLAB": ("MATLAB", "export its channels as a table and use `inertia import`"),
-    b"PAR1": ("Parquet", "export it as CSV and use `inertia import`"),
-    b"ULog": ("PX4 ULog", "export it with `ulog2csv` and use `inertia import`"),
+    b"TDSm": ("TDMS (LabVIEW)", f"write its channels as CSV, in LabVIEW or with npTDMS{THEN}"),
+    b"MDF ": ("MDF", f"write its channels as CSV, with asammdf{THEN}"),
+    b"DEWESOFT": ("DEWESoft", f"export it as text in DEWESoft{THEN}"),
+    b"ARROW1": ("Arrow", f"write it as CSV, with pandas{THEN}"),
+    b"\x89HDF": ("HDF5", f"write its channels as columns of a CSV{THEN}"),
+    b"MATLAB": ("MATLAB", f"write its channels as columns of a CSV, with writematrix{THEN}"),
+    b"PAR1": ("Parquet", f"write it as CSV, with pandas{THEN}"),
+    b"ULog": ("PX4 ULog", f"convert it with `ulog2csv`{THEN}"),
     b"#ROSBAG V1": ("ROS 1 bag of version 1", "convert it with `rosbag fix` or record again"),
     b"\x1f\x8b": ("gzip", "unpack it first"),
     b"PK\x03\x04": ("ZIP", "unpack it first"),
@@ -144,12 +144,29 @@ def container_file(path: PathLike, budget: UnpackBudget | None = None) -> Contai
         from rig.bags.ros1_bag import Ros1File
 
         return Ros1File(path, budget)
-    if not start.startswith(MAGIC) and (what := TABLES.get(Path(path).suffix.lower())):
-        raise RigError(f"not a recording {budget.name} but {what.format(budget.name)}")
-    for first, (kind, cure) in OTHERS.items():
-        if start.startswith(first) and not start.startswith(MAGIC):
-            raise RigError(f"not an MCAP file {budget.name} but {kind}: {cure}")
+    if not start.startswith(MAGIC):
+        if Path(path).suffix.lower() in TEXTS:
+            cure = f"`inertia import {budget.name} -o RUN.mcap` proposes a map of it"
+            raise RigError(f"not a recording {budget.name} but a table: {cure}")
+        refuse_other(path, start, str(budget.name))
     return McapFile(path, budget)
+
+
+def refuse_other(path: PathLike, start: bytes, name: str) -> None:
+    """Refuse a file of a program that is known and not read, with the way on.
+
+    Args:
+        path: the file.
+        start: its first bytes.
+        name: what messages call it.
+
+    Raises:
+        RigError: it is such a file, by its first bytes or the end of its name.
+    """
+    by_start = (what for first, what in OTHERS.items() if start.startswith(first))
+    known = BY_NAME.get(Path(path).suffix.lower()) or next(by_start, None)
+    if known is not None:
+        raise RigError(f"neither recording nor table {name} but {known[0]}: {known[1]}")
 
 
 def recording_files(path: PathLike) -> list[ContainerFile]:

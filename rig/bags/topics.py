@@ -25,6 +25,8 @@ Topics = Mapping[str, str | None]
 
 SET_BACK = 100_000_000
 """Step back of a topic's log times [ns] beyond which a clock was set back: a recorder writes a topic as it comes."""
+NEEDS_WRIST = "this needs a force-torque sensor at the wrist: torques of joints are not used"
+"""Words for a recording without a wrench."""
 MOST_PUBLISHERS = 20
 """Sets of joints that the messages of one topic name: arm, gripper, base, head."""
 
@@ -59,6 +61,8 @@ class TopicMessages:
         self.frames: set[str] = set()
         self.columns: dict[tuple[str, ...], dict[str, GrowingColumn]] = {}
         """Columns of the messages that name the same joints, by these joints."""
+        self.orders: dict[frozenset[str], tuple[str, ...]] = {}
+        """Joints of each set of them in the order that came first."""
         self.checked: dict[tuple[str, ...], int] = {}
         """Messages of each whose log times were checked."""
 
@@ -67,6 +71,7 @@ class TopicMessages:
         self.frames |= {group.frame_id for group in groups}
         if len(self.frames) > 1 and self.type_name != JOINTS:  # a joint's position is in no frame
             raise RigError(f"its messages name several frames ({listed(sorted(self.frames))}): split the run")
+        groups = [self._in_order(group) for group in groups]
         for names in dict.fromkeys(group.names for group in groups):
             same = [group for group in groups if group.names == names]
             order = np.argsort(np.concatenate([group.where for group in same]))
@@ -76,6 +81,18 @@ class TopicMessages:
                 columns.setdefault(name, GrowingColumn(values)).extend(values if len(same) == 1 else values[order])
         if len(self.columns) > MOST_PUBLISHERS:
             raise RigError(f"its messages name over {MOST_PUBLISHERS} sets of joints: record those of the robot alone")
+
+    def _in_order(self, group: DecodedMessages) -> DecodedMessages:
+        """Messages with their joints in the order in which this set of them came first: names may come in any order."""
+        names = self.orders.setdefault(frozenset(group.names), group.names)
+        if names == group.names or sorted(names) != sorted(group.names) or len(set(names)) < len(names):
+            return group
+        places, count = [group.names.index(name) for name in names], len(names)
+        columns = {
+            name: values[:, places] if values.ndim == 2 and values.shape[1] == count else values
+            for name, values in group.columns.items()
+        }
+        return group._replace(names=names, columns=columns)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -184,9 +201,10 @@ class Contents:
             raise RigError(f"several {first} topics in {self.path}: name one of {listed(filled)} ([recording], {key})")
         if not candidates:
             held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
+            wrist = f"; {NEEDS_WRIST}" if set(wanted) <= set(WRENCHES) else ""
             raise RigError(
-                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}; write the fields of another "
-                "type as one of these, or as a table (docs/how-to/recordings.md#messages-of-other-types)"
+                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}{wrist}; write the fields of "
+                "another type as one of these, or as a table (docs/how-to/recordings.md#messages-of-other-types)"
             )
         chosen = topic or (filled or candidates)[0]
         if chosen not in self.topics:

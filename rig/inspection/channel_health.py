@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.channels import ImuChannel, WrenchChannel
+from rig.channels import ImuChannel, RecordedChannel, WrenchChannel
 from rig.record import device_clock
 
 SensorChannel = WrenchChannel | ImuChannel
@@ -47,10 +47,12 @@ def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
     if len(channel.stamp) < LEAST_SAMPLES:
         yield "short", f"only {len(channel.stamp)} samples: record longer"
         return
+    if together := device_clock.bunches(channel.stamp):
+        yield "bunches", together.cure(rate_key(channel))
     yield from _gaps(channel)
     yield from _order(channel)
     yield from _clock(channel, skew)
-    for name, values in _columns(channel).items():
+    for name, values in channel_columns(channel).items():
         yield from _finite(name, values)
         yield from _excess(name, values)
         usable = values[(np.abs(values) <= LARGEST_READING).all(axis=1)]
@@ -60,10 +62,16 @@ def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
             yield from _saturated(name, usable)
 
 
-def _columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
+def channel_columns(channel: SensorChannel) -> dict[str, NDArray[np.float64]]:
+    """Return the vectors of a channel's samples, (n, 3) each, by their names in messages."""
     if isinstance(channel, WrenchChannel):
         return {"force": channel.force, "moment": channel.moment}
     return {"angular velocity": channel.angular_velocity, "acceleration": channel.linear_acceleration}
+
+
+def rate_key(channel: RecordedChannel) -> str:
+    """Return the key of ``[recording]`` that states the rate of a channel's sensor."""
+    return "wrench_rate" if isinstance(channel, WrenchChannel) else "motion_rate"
 
 
 def _gaps(channel: SensorChannel) -> Suspicions:
@@ -151,8 +159,20 @@ def _constant(name: str, values: NDArray[np.float64]) -> Suspicions:
         level = ", ".join(f"{value:.6g}" for value in values[0] + 0.0)
         kind = "no force" if name == "force" and not values.any() else "constant"
         yield kind, f"{name} stays at ({level}) throughout: check sensor and driver"
-    for axis in np.flatnonzero(constant & values.any(axis=0)) if not constant.all() else ():
-        yield "constant", f"{name} {'xyz'[axis]} stays at {values[0, axis]:.6g} throughout: check sensor and driver"
+    for axis in dead_axes(values):
+        yield "constant", dead_channel(name, axis, values)
+
+
+def dead_axes(values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the axes of a vector's samples that never change while another does."""
+    constant = np.ptp(values, axis=0) == 0 if len(values) else np.ones(values.shape[1], bool)
+    return np.flatnonzero(constant & ~constant.all())
+
+
+def dead_channel(name: str, axis: int, values: NDArray[np.float64]) -> str:
+    """Return what is said of an axis that never changes while another does."""
+    level = values[0, axis] + 0.0
+    return f"{name} {'xyz'[axis]} stays at {level:.6g} throughout while the others change: check sensor and driver"
 
 
 HELD_LIMIT = 0.2  # repeats of all three axes at once are rare with any noise; one in five is a slower source

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from rig.bags.topics import load
-from rig.channels import counted_together
+from rig.bags.topics import NEEDS_WRIST, load
+from rig.channels import ImuChannel, counted_together, halves
 from rig.exceptions import on_one_line
 from rig.inspection.channel_health import SensorChannel, TopicFinding, channel_findings, clock_skew
 from rig.mcap.message_definitions import IMU, MOTIONS, WRENCH, WRENCHES
@@ -41,6 +41,8 @@ class Inspection:
     findings: list[TopicFinding] = field(default_factory=list)
     imported: bool = False
     """Whether the run was imported from a table, by a map."""
+    gravity_removed: bool = False
+    """Whether the recording says that gravity was taken out of its acceleration."""
 
     def to_dict(self) -> dict[str, object]:
         """Return the inspection as plain values for JSON."""
@@ -76,7 +78,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
     """
     contents = load(path)
     report, channels, findings = Inspection(os.fspath(path)), list[SensorChannel](), list[TopicFinding]()
-    report.imported = "imported" in contents.metadata.get("rig.run", {})
+    about = contents.metadata.get("rig.run", {})
+    report.imported, report.gravity_removed = "imported" in about, about.get("accelerometer_at_rest") == "zero"
     for topic, messages in sorted(contents.topics.items()):
         channel = contents.wrench(topic) if messages.type_name == WRENCH else contents.imu(topic)
         channels.append(channel.in_order())
@@ -86,6 +89,11 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         skew = clock_skew(channel)
         report.channels.append(_describe(channel, skew))
         findings += channel_findings(channel, skew)
+    if apart := halves([channel for channel in channels if isinstance(channel, ImuChannel)]):
+        no_gyro = apart[1].topic  # of the accelerometer alone no gyro is missed
+        findings = [
+            one for one in findings if (one.kind, one.topic) != ("constant", no_gyro) or "angular" not in one.text
+        ]
     report.findings = [*judge(channels, findings), *_end(contents.metadata)]
     held = {kind for topic, kind in contents.types.items() if topic not in contents.named_values()}
     held = held - {WRENCH, IMU} | {channel.type for channel in report.channels}
@@ -93,8 +101,8 @@ def inspect(path: str | os.PathLike[str], *, judge: Judge = lambda channels, fin
         text = f"{contents.rest} bytes after its end, which are not read: copy the file again"
         report.findings.append(TopicFinding("rest", report.file, text))
     report.findings += [
-        TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: a run needs one topic of it")
-        for kinds in (WRENCHES, MOTIONS)
+        TopicFinding("missing", report.file, f"no messages of type {kinds[0]}: {cure}")
+        for kinds, cure in ((WRENCHES, NEEDS_WRIST), (MOTIONS, "a run needs one topic of it"))
         if not held & set(kinds)
     ]
     return report

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from rig.exceptions import RigError
 from rig.mcap.message_definitions import IMU, POSE, SHAPES, STAMPED, WRENCH, Field, columns
 
 ENDIANNESS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 ENCODINGS = ("cdr", "ros1")
 MOST_NAMES = 4096
 """Joints in a message; each is a field of the layout."""
-MOST_LAYOUTS = 256
+MOST_LAYOUTS = 4096
 """Layouts of one topic in a chunk, beyond which its texts change from message to message."""
 # The record of one message up to its data: https://mcap.dev/spec#message-op0x05
 RECORD = [
@@ -160,14 +161,15 @@ def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
-        ValueError: a message is not of this type, or their texts change too often.
+        ValueError: a message is not of this type.
+        RigError: their texts change too often.
     """
     starts = np.array(offsets, dtype=np.int64)
     lengths = records(data, starts, START)["length"].astype(np.int64) + 9
     pending, groups = np.arange(len(starts)), list[DecodedMessages]()
     while len(pending):
         if len(groups) == MOST_LAYOUTS:
-            raise ValueError("its frames or names change from message to message")
+            raise RigError("its frames or names change from message to message: record those of the robot alone")
         first = starts[pending[0]]
         shape = layout_of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
         same_layout = pending[lengths[pending] == lengths[pending[0]]]
@@ -206,16 +208,19 @@ NUMBERS: dict[str, tuple[str, tuple[float, ...]]] = {
     POSE: ("24x4d", ()),
 }
 ORIENTED_IMU = "4d72x3d72x3d72x", ()
+PLACED_POSE = "7d", ()
 """Numbers behind the header: their places, where ``x`` is a byte of zero, and those before a sample's.
 
-PoseStamped is at the origin. Imu is without orientation (w = 1, ``orientation_covariance[0] = -1``), unless it is asked
-for, and of unknown covariances (zeros).
+PoseStamped is at the origin, unless a position is given. Imu is without orientation (w = 1,
+``orientation_covariance[0] = -1``), unless it is asked for, and of unknown covariances (zeros).
 """
 Encode = Callable[[int, Sequence[float]], bytes]
 """Function from a stamp [ns] and the numbers of a sample to a message."""
 
 
-def encoder(type_name: str, frame_id: str, names: Sequence[str] = (), *, oriented: bool = False) -> Encode:
+def encoder(
+    type_name: str, frame_id: str, names: Sequence[str] = (), *, oriented: bool = False, placed: bool = False
+) -> Encode:
     """Return what packs the messages of a type in one frame.
 
     Args:
@@ -224,11 +229,12 @@ def encoder(type_name: str, frame_id: str, names: Sequence[str] = (), *, oriente
         frame_id: the frame that the messages name.
         names: of the joints or values.
         oriented: whether an Imu's numbers begin with a quaternion x y z w.
+        placed: whether a PoseStamped's numbers begin with a position.
     """
     if type_name not in NUMBERS:
         return lambda stamp, numbers: _joint_state(stamp, frame_id, names, numbers)
     frame = frame_id.encode() + b"\0"
-    places, first = ORIENTED_IMU if oriented else NUMBERS[type_name]
+    places, first = ORIENTED_IMU if oriented else PLACED_POSE if placed else NUMBERS[type_name]
     pack = struct.Struct(f"<4siII{len(frame)}s{-(12 + len(frame)) % 8}x{places}").pack
     return lambda stamp, numbers: pack(ENCAPSULATION, *divmod(stamp, 10**9), len(frame), frame, *first, *numbers)
 

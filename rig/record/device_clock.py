@@ -179,6 +179,52 @@ def steady_period(times: NDArray[np.int64]) -> float:
     return float(np.median((times[span:] - times[:-span]) / span))
 
 
+CLOSE = 0.25
+"""Step over the period, below which a sample came together with the one before: jitter of a third makes a few."""
+BUNCHED = 0.25
+"""Part of such steps from which times are those of bunches: one sample in four waits for the next."""
+
+
+class Bunches(NamedTuple):
+    """Times of samples that arrived in bunches, though the sensor's rate is steady."""
+
+    interval: float
+    """Usual time between bunches [s]."""
+    rate: float
+    """The roundest rate that the times allow [Hz]."""
+
+    def cure(self, key: str) -> str:
+        """Return what they look like and what to do, by the key of ``[recording]`` that states the rate."""
+        return (
+            f"samples come in bunches every {1e3 * self.interval:.3g} ms, stamped as they arrived, as from a serial "
+            f'port that waits so long: set {key} = "{self.rate:g} Hz" in [recording] if the sensor samples steadily, '
+            "or record its own clock"
+        )
+
+
+def bunches(times: NDArray[np.int64]) -> Bunches | None:
+    """Return how times [ns] come in bunches; None: they do not."""
+    steps = np.diff(times)
+    if len(steps) < 10 or not steps.max() > 0:
+        return None
+    period = steady_period(times)
+    close = steps < CLOSE * period
+    if close.mean() < BUNCHED:
+        return None
+    wait, span = float(np.median(steps[~close])), float(times[-1] - times[0])
+    rates = [1e9 * len(steps) / (span + shift) for shift in (wait, -wait)]
+    return Bunches(1e-9 * wait, roundest(1e9 * len(steps) / span, *rates) or 1e9 / period)
+
+
+def roundest(rate: float, low: float, high: float) -> float | None:
+    """Return the rate of fewest digits between two; None: not even six digits tell it."""
+    for digits in range(1, 7):
+        rounded = float(f"{rate:.{digits - 1}e}")
+        if low <= rounded <= high:
+            return rounded
+    return None
+
+
 def fit(device: NDArray[np.int64], arrival: NDArray[np.int64]) -> ClockFit:
     """The fit of a whole run: device times and arrival times [ns], shape (n,)."""
     if len(device) > 2:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from rosbags.rosbag2 import StoragePlugin
 from scipy.spatial.transform import Rotation
 
@@ -52,6 +53,10 @@ class PosedRun:
     specific_force: np.ndarray
     wrench_late: float = 0.0
     """Time by which the wrench's stamps are late [s]; the log's times are right."""
+    orders: int = 1
+    """Number of orders in which messages name the joints, at random."""
+    arrives: np.ndarray | None = None
+    """Instants at which the wrench's messages arrive, and are stamped [s]; None: as they were measured."""
 
 
 def urdf(path):
@@ -179,6 +184,24 @@ def accelerometer_down(run):
     return replace(run, specific_force=-run.specific_force)
 
 
+def linear_acceleration(run):
+    """An accelerometer whose driver takes gravity out of its readings."""
+    return replace(run, specific_force=run.specific_force - run.attitude.inv().apply(UP))
+
+
+def _low_passed(corner):
+    """A wrench behind a low-pass of first order [Hz], exact for lines from sample to sample; its zero passes whole."""
+
+    def filtered(run):
+        step = run.t[1] - run.t[0]
+        system = (1.0, [1 / (2 * np.pi * corner), 1.0])
+        (taps,), poles, _ = scipy.signal.cont2discrete(system, step, method="foh")
+        passed = lambda x: scipy.signal.lfilter(taps, poles, x - x[0], axis=0) + x[0]  # noqa: E731
+        return replace(run, force=passed(run.force), moment=passed(run.moment))
+
+    return filtered
+
+
 def reversed_wrench(run):
     return replace(run, force=-run.force, moment=-run.moment)
 
@@ -189,6 +212,15 @@ def reversed_force(run):
 
 def clocks_apart(run):
     return replace(run, wrench_late=0.4)
+
+
+def joints_in_any_order(run):
+    return replace(run, orders=720)
+
+
+def in_bunches(run):
+    """A wrench by a serial chip that sends every 16 ms, stamped as it arrives, 1 ns apart."""
+    return replace(run, arrives=0.016 * np.ceil(run.t / 0.016 - 1e-9) + 1e-9 * np.arange(len(run.t)))
 
 
 def booted_clock(run):
@@ -249,11 +281,12 @@ CONVENTIONS = {
     function.__name__: function
     for function in (
         sound, wrench_at_rest, half_turned_base, zero_at_rest, wall, ceiling, leaning, compensated, other_payload,
-        accelerometer_down, reversed_wrench, reversed_force, clocks_apart, booted_clock, strain_gauge,
-        not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
+        accelerometer_down, linear_acceleration, reversed_wrench, reversed_force, clocks_apart, booted_clock,
+        in_bunches, joints_in_any_order, strain_gauge, not_a_number, grasped_midway, inverse_quaternion, scalar_first, degrees_twice, gyro_turned, no_accelerometer,
         no_accelerometer_ceiling,
     )
 }  # fmt: skip
+CONVENTIONS |= {"low_passed_at_3_Hz": _low_passed(3.0)}
 CONVENTIONS |= {
     "newton_millimetres": _in_units(1.0, 1e-3), "newton_centimetres": _in_units(1.0, 1e-2),
     "pounds_and_inches": _in_units(4.4482216, 0.11298483), "pounds_and_feet": _in_units(4.4482216, 1.3558179),
@@ -270,11 +303,17 @@ def _messages(run, source, store):
     kind = names.get(source, "sensor_msgs/msg/Imu")
     empty, unknown = np.zeros(0), np.zeros(9)
     quaternion = run.quaternion if source == "quaternion" else np.tile([0.0, 0, 0, 1], (len(run.t), 1))
-    for k, time in enumerate((START + np.round(run.t * 1e9).astype(np.int64)).tolist()):
-        at = time - round(run.wrench_late * 1e9)
+    measured, arrived = (
+        (START + np.round(t * 1e9).astype(np.int64)).tolist()
+        for t in (run.t, run.t if run.arrives is None else run.arrives)
+    )
+    draw = np.random.default_rng(7)
+    orders = [np.arange(len(NAMES)), *(draw.permutation(len(NAMES)) for _ in range(run.orders - 1))]
+    for k, (time, arrival) in enumerate(zip(measured, arrived, strict=True)):
+        at = arrival - round(run.wrench_late * 1e9)
         items.append(
             (
-                time,
+                arrival,
                 "/wrench",
                 stamped.__msgtype__,
                 stamped(header(store, at, "tool0"), wrench(store, run.force[k], run.moment[k])),
@@ -282,7 +321,8 @@ def _messages(run, source, store):
         )
         head = header(store, time, "root")
         if source == "joints":
-            message = types[kind](head, NAMES, run.joints[k], empty, empty)
+            order = orders[draw.integers(run.orders)]
+            message = types[kind](head, [NAMES[n] for n in order], run.joints[k][order], empty, empty)
         elif source in ("poses", "odometry"):
             point, turn = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
             pose = types["geometry_msgs/msg/Pose"](point(*run.place[k]), turn(*run.quaternion[k]))
@@ -295,8 +335,13 @@ def _messages(run, source, store):
             message = types[kind](
                 head, turn, unknown, vector(store, run.omega[k]), unknown, vector(store, run.specific_force[k]), unknown
             )
+        if source == "apart":  # as cameras do: gyro and accelerometer, at half the rate, in topics of their own
+            message = replace(message, linear_acceleration=vector(store, np.zeros(3)))
+            alone = replace(message, angular_velocity=vector(store, np.zeros(3)))
+            alone = replace(alone, linear_acceleration=vector(store, run.specific_force[k]))
+            items += [(time, "/accelerometer", kind, alone)] * (k % 2 == 0)
         items.append((time, "/motion", kind, message))
-    return items
+    return sorted(items, key=lambda item: item[0])
 
 
 def write(path, run, source, container):

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         from uq.bodies.reference import load_reference
 
         reference = load_reference(arguments.expected)
-    check_tare(arguments.tare, experiment, arguments.tare_centre)
+    check_tare(arguments.tare, experiment, arguments.tare_centre, arguments.method)
     with output_folder(arguments.out) as out:
         choices = {name: getattr(arguments, name) for name in ("estimator", "offsets", "method")}
         mountings = None if arguments.mounting is None else mounting_names(arguments.mounting)

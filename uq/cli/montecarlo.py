@@ -11,17 +11,19 @@ from uq.analysis.propagation.law_validation import validate_law
 from uq.analysis.sensitivity.budget_shares import FEWEST_PAIRS
 from uq.analysis.sensitivity.source_budget import budget
 from uq.cli.terminal.command_parser import CommandParser
-from uq.cli.terminal.common import keep, output_folder, show, start_jax
-from uq.cli.terminal.options import add_campaign_options, positive_quantity, whole_number
+from uq.cli.terminal.common import finish, keep, output_folder, show, start_jax
+from uq.cli.terminal.options import add_campaign_options, positive_quantity, swept_values, whole_number
 from uq.cli.terminal.processes import add_cluster_options, checkpoint_in, resumable, together
 from uq.cli.terminal.sources import add_without_option, shares_named
 from uq.cli.terminal.terminal_bar import TerminalBar, say
 from uq.experiment.experiment import Experiment, ExperimentError
 from uq.monte_carlo.campaign.campaign import MOST_TRIALS, TRIALS, RunOptions, SamplingPlan, montecarlo
 from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.campaign.sweep import sweep
 from uq.monte_carlo.coverage.adaptive_procedure import Goal
 from uq.monte_carlo.trials.checkpoint import Checkpoint
 from uq.progress_bar import Progress
+from uq.sources.quasi_random import Points
 
 
 def configure(parser: CommandParser) -> None:
@@ -48,6 +50,12 @@ def configure(parser: CommandParser) -> None:
         "--budget", "PAIRS", nargs="?", type=whole_number, const=1000,
         text="shares of each source and group in the variance, from this many pairs of trials (1000)",
     )  # fmt: skip
+    parser.value(
+        "--sweep", "KEY=A:B:N",
+        text="campaigns at N values of a number of the experiment, from the same draws, such as "
+        "source.M_bias.sigma='0.01 N*m:0.1 N*m:10', or at values with commas between them; repeatable",
+        action="append",
+    )  # fmt: skip
     add_without_option(parser)
     add_cluster_options(parser)
 
@@ -62,6 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.collapsed:
         say("--collapsed is the default now: leave it out")
     start_jax(alone=not arguments.distributed)
+    if arguments.sweep:
+        return _swept(arguments)
     with together(arguments) as speaks:
         return _run(arguments, goal, speaks)
 
@@ -96,6 +106,28 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     return 0
 
 
+def _swept(arguments: argparse.Namespace) -> int:
+    """Run the campaigns of a sweep."""
+    for option in ("adaptive", "law", "budget", "distributed"):
+        if getattr(arguments, option):
+            raise ExperimentError(f"--{option} is of one campaign: leave it out with --sweep")
+    values = dict(map(swept_values, arguments.sweep))
+    experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
+    with output_folder(arguments.out) as out:
+        with TerminalBar() as bar:
+            result = sweep(
+                experiment, values, trials=arguments.trials, **_choices(arguments), plan=_plan(arguments),
+                options=RunOptions(progress=bar),
+            )  # fmt: skip
+        finish(result, out)
+    return 0
+
+
+def _plan(arguments: argparse.Namespace, goal: Goal | None = None) -> SamplingPlan:
+    points: Points = "quasi-random" if arguments.quasi_random else "random"
+    return SamplingPlan(engine=arguments.engine, points=points, dtype=arguments.dtype, goal=goal)
+
+
 def _law(arguments: argparse.Namespace, name: str, experiment: Experiment) -> LawResult:
     """The law, before any trial; shares of what it does not take are in the folder if a campaign was there before."""
     with shares_named(experiment, Path(arguments.out, name) if arguments.out else None):
@@ -113,10 +145,7 @@ def _campaign(
     with TerminalBar(silent=not speaks) as bar:
         return montecarlo(
             experiment, trials=arguments.trials, **_choices(arguments),
-            plan=SamplingPlan(
-                engine=arguments.engine, points="quasi-random" if arguments.quasi_random else "random",
-                dtype=arguments.dtype, goal=goal,
-            ),
+            plan=_plan(arguments, goal),
             options=RunOptions(checkpoint=checkpoint, progress=_by_body(name, bar)),
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import msgspec
 import numpy as np
 from jaxtyping import Array, Float
@@ -21,7 +22,7 @@ from jaxtyping import Array, Float
 from identify.display.reporting import Shown
 from identify.display.text_tables import Table
 from identify.motion.stewart_platform import StewartPlatform
-from identify.motion.trajectory import Trajectory
+from identify.motion.trajectory import Trajectory, sample
 from identify.rigid_body.inertia import Body
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
@@ -33,7 +34,7 @@ from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
 from uq.experiment.report_table import refuse_claims
-from uq.experiment.trajectory_table import TrajectorySpec
+from uq.experiment.trajectory_table import MotionSamples, TrajectorySpec
 from uq.experiment.undeclared_table import NONE, UndeclaredTable
 from uq.files.document import in_file, read_document, with_entry, with_keys
 from uq.files.mistakes import ExperimentError
@@ -231,6 +232,17 @@ class Experiment(Shown):
         if name not in self.trajectories:
             raise ExperimentError(f"unknown trajectory {quoted(name)}: {choose(name, self.trajectories)}")
         return name, self.trajectories[name]
+
+    def motion(self, trajectory: str | None = None) -> MotionSamples:
+        """Return what the body truly does on a trajectory, at the instants of its samples; without a name, the first.
+
+        Raises:
+            ExperimentError: there is no such trajectory, or no centre of gravity from the platform's centre.
+        """
+        _, spec = self.select(trajectory)
+        from_still = np.zeros(3) if spec.still == "cg" else np.asarray(self.r_cg_from_omb)
+        t = jnp.asarray(samples(spec))
+        return MotionSamples.of(sample(spec.trajectory, t, r_cg_from_still=from_still, gravity=np.array(self.gravity)))
 
     def selected_estimators(self, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
         """Return the estimators of these names, without repeats; None for all.

@@ -22,6 +22,8 @@ from uq.files.schema import Axes, in_unit
 ATTITUDES = ("gravity", "acceleration", "matrix", "quaternion", "rotation_vector", "euler", "joints")
 ROTATIONS = ATTITUDES[2:6]
 """Ways to tell the attitude that need its direction, ``takes``."""
+NO_ROTATION = 0.01
+"""Departure of a matrix from a rotation beyond which it is none: rounding to two decimals stays within."""
 ANGLES = ATTITUDES[4:]
 """Ways to tell the attitude that need the angles' unit."""
 CONVENTIONS = {"rpy": "xyz", "fanuc": "xyz", "kuka": "ZYX", "staubli": "XYZ", "kawasaki": "ZYZ"}
@@ -38,28 +40,17 @@ def _euler_axes(_: str, raw: Any) -> str:
     return axes
 
 
-class Poses(ColumnsTable, frozen=True, kw_only=True):
-    """``[poses]``: the declaration of static poses."""
+class AttitudeColumns(ColumnsTable, frozen=True, kw_only=True):
+    """Columns of a table that tell an attitude, and what they mean."""
 
-    SIGNALS = ("force", "moment", *ATTITUDES)
-    force: Axes[str] | None = None
-    """The columns of the force's components."""
-    moment: Axes[str] | None = None
-    """The columns of the moment's components."""
-    gravity: Axes[str] | None = None
-    """The columns of gravity's components in the sensor's frame: one of four ways to tell the attitude."""
-    acceleration: Axes[str] | None = None
-    """The columns of an accelerometer's components, an alternative to ``gravity``."""
     matrix: tuple[str, str, str, str, str, str, str, str, str] | None = None
-    """The columns of a rotation matrix, row by row, an alternative to ``gravity``."""
+    """The columns of a rotation matrix, row by row."""
     quaternion: QuaternionColumns | None = None
-    """The columns of a unit quaternion, an alternative to ``gravity``."""
+    """The columns of a unit quaternion."""
     rotation_vector: Axes[str] | None = None
-    """The columns of a rotation vector (axis times angle), an alternative to ``gravity``."""
+    """The columns of a rotation vector (axis times angle)."""
     euler: Axes[str] | None = None
-    """The columns of three angles in the order of ``euler_convention``, an alternative to ``gravity``."""
-    joints: Mapping[str, str] | None = None
-    """The column of each joint's angle, by the joint's name in ``recording.urdf``, an alternative to ``gravity``."""
+    """The columns of three angles in the order of ``euler_convention``."""
     euler_convention: (
         Annotated[str, written(_euler_axes, {"type": "string", "examples": [*CONVENTIONS, "xyz", "ZYX"]})] | None
     ) = None
@@ -69,6 +60,61 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
     takes: Literal["sensor_to_level", "level_to_sensor"] | None = None
     """Direction of the rotation: from sensor to level components, or back; the level frame's z is up, unless
     ``recording.urdf_gravity`` says otherwise."""
+
+    def check_rotation(self, attitude: str | None) -> None:
+        """Refuse a rotation whose direction, unit or order is missing."""
+        if attitude in ROTATIONS and self.takes is None:
+            raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
+        if attitude in ANGLES and self.angle_unit is None:
+            raise WrongKeyError("angle_unit", 'write "rad" or "deg"')
+        if attitude == "euler" and self.euler_convention is None:
+            raise WrongKeyError("euler_convention", f"write one of {', '.join(CONVENTIONS)}, or three axes")
+
+    def quaternions(self, values: np.ndarray, attitude: str, name: str) -> np.ndarray:
+        """Return the quaternions x y z w from the sensor's to level components of many rows, (n, 4).
+
+        Args:
+            values: the attitude's columns, (n, columns).
+            attitude: one of ``ROTATIONS``.
+            name: what messages call the table.
+
+        Raises:
+            RunError: a matrix is no rotation.
+        """
+        turn, degrees = scipy.spatial.transform.Rotation, self.angle_unit == "deg"
+        if attitude == "quaternion":
+            told = values[:, [1, 2, 3, 0]]
+        elif attitude == "matrix":
+            matrices = values.reshape(-1, 3, 3)
+            off = np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+            bad = (off > NO_ROTATION) | (np.linalg.det(matrices) < 0)
+            if bad.any():
+                raise RunError(f"matrix of row {int(np.argmax(bad)) + 1} in {name} is no rotation: check its columns")
+            told = turn.from_matrix(matrices).as_quat()
+        elif attitude == "rotation_vector":
+            told = turn.from_rotvec(values, degrees=degrees).as_quat()
+        else:
+            told = turn.from_euler(str(self.euler_convention), values, degrees=degrees).as_quat()
+        return told * [-1, -1, -1, 1] if self.takes == "level_to_sensor" else np.asarray(told)
+
+
+class Poses(AttitudeColumns, frozen=True, kw_only=True):
+    """``[poses]``: the declaration of static poses."""
+
+    SIGNALS = ("time", "force", "moment", *ATTITUDES)
+    time: str | None = None
+    """The column of the time at which each pose was held, in any unit, by which a drift of the zero goes; missing: by
+    the order of the rows."""
+    force: Axes[str] | None = None
+    """The columns of the force's components."""
+    moment: Axes[str] | None = None
+    """The columns of the moment's components."""
+    gravity: Axes[str] | None = None
+    """The columns of gravity's components in the sensor's frame: one of four ways to tell the attitude."""
+    acceleration: Axes[str] | None = None
+    """The columns of an accelerometer's components, an alternative to ``gravity``."""
+    joints: Mapping[str, str] | None = None
+    """The column of each joint's angle, by the joint's name in ``recording.urdf``, an alternative to ``gravity``."""
     rate: Annotated[float, in_unit("Hz", above=0)] | None = None
     """Rate of the rows of a table of samples, each of whose still segments is a pose [Hz]; missing: each row is one."""
     accelerometer: Literal["offset", "scale"] | None = None
@@ -92,12 +138,9 @@ class Poses(ColumnsTable, frozen=True, kw_only=True):
             raise WrongKeyError("", "names no columns of force and moment: add both")
         if named and not attitudes:
             raise WrongKeyError("", f"describes no attitude: name the columns of one of {', '.join(ATTITUDES)}")
-        if self.attitude in ROTATIONS and self.takes is None:
-            raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
-        if self.attitude in ANGLES and self.angle_unit is None:
-            raise WrongKeyError("angle_unit", 'write "rad" or "deg"')
-        if self.attitude == "euler" and self.euler_convention is None:
-            raise WrongKeyError("euler_convention", f"write one of {', '.join(CONVENTIONS)}, or three axes")
+        if self.time is not None and self.rate is not None:
+            raise WrongKeyError("time", "remove it, or rate", "is that of rows of poses, rate that of samples")
+        self.check_rotation(self.attitude)
 
     @property
     def attitude(self) -> str | None:

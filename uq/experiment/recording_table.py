@@ -30,6 +30,7 @@ WIDEST_ANGLE = np.pi / 6
 """Standard uncertainty of the rotation [rad] beyond which the frames are to be declared instead."""
 Rotation = Annotated[np.ndarray, ROTATION]
 Point = Annotated[np.ndarray, vector("m")]
+Frequency = Annotated[float, in_unit("Hz", above=0)]
 SigmaOfTime = Annotated[float, in_unit("s", least=0)]
 SigmaOfAngle = Annotated[float, in_unit("rad", least=0)]
 SigmaOfRate = Annotated[float, in_unit("rad/s", least=0)]
@@ -87,6 +88,10 @@ class SensorConventions(TomlTable, frozen=True, kw_only=True):
     """Rotation matrix from components along the IMU's axes to components along the body's."""
     wrench_point: Point | None = None
     """Position of the point where the moment is taken, from Q, in B [m]."""
+    accelerometer_at_rest: Literal["up", "down", "zero"] | None = None
+    """The accelerometer's reading at rest: up (specific force), down (its negative), or zero, where gravity was taken
+    out of it, as from a "linear acceleration". An attitude in the recording puts it back; without one the acceleration
+    is not used."""
     calibration: Annotated[np.ndarray, matrix(6, 6)] | None = None
     """Matrix from the six raw channels to force and moment in their units."""
 
@@ -107,6 +112,9 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Topic of force and moment; missing: the only one of its type."""
     motion_topic: str | None = None
     """Topic of the angular velocity; missing: the only one of its type."""
+    accelerometer_topic: str | None = None
+    """Topic of the specific force, where the angular velocity has a topic of its own; missing: the only one whose
+    angular velocity is zero throughout, beside one whose acceleration is."""
     wrench_frame: Literal["sensor", "base", "world"] | None = None
     """Axes of the recorded wrench: those that turn with the body, or those at rest to which the attitude refers: the
     root of ``urdf``, or the reference frame of poses and quaternions. ``base`` and ``world`` mean the same."""
@@ -115,13 +123,14 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     quaternion: Annotated[np.ndarray, written(_fields, {"type": "string", "examples": ["w, x, y, z"]})] | None = None
     """Meaning of a recorded quaternion's fields x, y, z, w in this order: ``w, x, y, z`` where the scalar is first,
     ``-x, -y, -z, w`` where the rotation takes components at rest to the sensor's."""
-    accelerometer_at_rest: Literal["up", "down"] | None = None
-    """Direction of the accelerometer's reading at rest: up (specific force), or down (its negative)."""
     imu_position: Point | None = None
     """Position of the accelerometer from Q, in B [m]."""
     accelerometer_delay: Annotated[float, in_unit("s")] | None = None
     """Delay of the accelerometer beside the gyro, as by a filter of a lower frequency: time by which its samples are
     older than the gyro's of the same stamp [s]."""
+    wrench_lowpass: Frequency | None = None
+    """Corner of the low-pass of first order through which the wrench went, and the motion did not [Hz]: it is undone,
+    ``F + dF/dt / (2 pi corner)``."""
     offsets: Literal["estimate", "still", "none"] = "estimate"
     """Constant offsets of force and moment: estimated along with the tensor, taken from still segments, or none."""
     zero: Literal["empty", "loaded"] | None = None
@@ -134,6 +143,11 @@ class RecordingTable(SensorConventions, frozen=True, kw_only=True):
     """Centre of gravity of that mass from Q, in B [m]; missing: the body's."""
     time: Literal["header", "log"] | None = None
     """Time of the measurement: that of the message's header, or that of the log."""
+    wrench_rate: Frequency | None = None
+    """Steady sample rate of the load cell, by which its samples are stamped where the times are those of arrival, in
+    bunches or with jitter [Hz]: the line of this rate below the fastest arrivals."""
+    motion_rate: Frequency | None = None
+    """Steady sample rate of the motion's sensor, by which its samples are stamped in the same way [Hz]."""
     estimator: str | None = None
     """Name of the estimator for recorded runs; missing: the first."""
     urdf: str | None = None

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Array, Float
 
-from identify.motion.trajectory import Harmonic, Sphere, Trajectory
+from identify.motion.trajectory import Harmonic, Motion, Sphere, Trajectory
 from rig.toml_tables import TomlTable, WrongKeyError
 from uq.experiment.multisine_table import read_multisine
 from uq.files.schema import in_unit
@@ -25,6 +26,26 @@ class TrajectorySpec:
     """Sample rate of load cell and IMU [Hz]."""
     still: Literal["cg", "omb"]
     """The point that keeps still: the centre of gravity, or the platform's centre OMB."""
+
+
+class MotionSamples(NamedTuple):
+    """True motion of a body at uniform instants, samples first, in arrays of JAX."""
+
+    t: Float[Array, " n"]
+    """Uniform instants from the start [s]."""
+    omega: Float[Array, "n 3"]
+    """Angular velocity in B [rad/s]."""
+    alpha: Float[Array, "n 3"]
+    """Angular acceleration in B [rad/s²]."""
+    specific_force: Float[Array, "n 3"]
+    """Specific force of the centre of gravity, its acceleration less gravity, in B [m/s²]."""
+    attitude: Float[Array, "n 3 3"]
+    """Rotations from B to axes at rest, the third of which is up."""
+
+    @classmethod
+    def of(cls, motion: Motion) -> "MotionSamples":
+        """Return a motion, samples first."""
+        return cls(motion.t, motion.omega.T, motion.alpha.T, motion.specific_force_cg.T, motion.rotation)
 
 
 class TrajectoryTable(TomlTable, frozen=True, kw_only=True, tag_field="kind"):

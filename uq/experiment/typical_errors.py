@@ -10,7 +10,7 @@ from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
 from uq.experiment.experiment import Experiment
 from uq.sources.draws import Mixing
-from uq.sources.recorded_kinds import OfRecordedRuns
+from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Draw, Source, kind_of
 
 
@@ -31,7 +31,7 @@ def typical_errors(experiment: Experiment, largest: tuple[float, float]) -> Expe
     declared = {(source.perturbs, source.signal) for source in experiment.sources}
     sources, mixing = [], []
     for error, figure in figures_of(experiment):
-        if error.declared_as is None or isinstance(kind_of(*error.declared_as), OfRecordedRuns):
+        if error.declared_as is None or isinstance(kind_of(*error.declared_as), ErrorByAct):
             continue
         target, name = error.declared_as
         kind = kind_of(target, name)

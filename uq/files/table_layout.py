@@ -14,6 +14,7 @@ from itertools import chain
 from pathlib import Path
 
 from identify.signals.run import RunError
+from rig.bags.containers import refuse_other
 from rig.exceptions import listed, quoted
 from rig.read_limits import require_file
 from uq.files.units import NUMBER, UnitError, scale
@@ -110,13 +111,14 @@ def layout(path: str | Path, delimiter: str | None = None, decimal: str | None =
 
     Raises:
         RunError: it is no text, or holds no rows of numbers.
-        RigError: it is a folder, a FIFO or a device.
+        RigError: it is a folder, a FIFO or a device, or a file of another program.
         OSError: it cannot be read.
     """
     path = Path(path)
     require_file(path)
     with open(path, "rb") as file:
         data = file.read(SAMPLE)
+    refuse_other(path, data, str(path))
     encoding, text = _decoded(data, path.name)
     lines = text.splitlines()
     if len(data) == SAMPLE:

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import Array, library_of
-from uq.files.mistakes import ExperimentError
 from uq.sources.source import Draw, Source
 
 CELL_CHANNELS = {"F": 0, "M": 3}
@@ -85,27 +84,15 @@ def effect(source: Source, draw: Draw) -> Draw:
     return library_of(value).concat([np.zeros(first), value, np.zeros(3 - first)])
 
 
-def field_of(source: Source) -> str:
-    """Return the field of :class:`Errors` that a constant source's draw sets.
-
-    Raises:
-        ExperimentError: the source acts on recorded runs alone.
-    """
-    if source.perturbs is None:
-        raise ExperimentError(
-            f"source '{source.name}' ({source.kind} of {source.target}) acts on recorded runs alone, which no trial "
-            f"draws: leave it out with --without {source.name}"
-        )
-    return source.perturbs
-
-
 def errors_of_cases(sources: Sequence[Source], draws: Mapping[str, Array], cases: Sequence[frozenset[str]]) -> Errors:
-    """Return the errors that act in each case, a set of names of sources; the cases on the leading axis."""
+    """Return the errors that act in each case, a set of names of sources; the cases on the leading axis.
+
+    Sources that set no field (:class:`uq.sources.recorded_kinds.ErrorByAct`) are not among them.
+    """
     effects: dict[str, list[Draw]] = {}
     acting: dict[str, list[list[float]]] = {}
     for source in sources:
-        if source.constant:
-            field = field_of(source)
+        if source.constant and (field := source.perturbs) is not None:
             effects.setdefault(field, []).append(effect(source, draws[source.name].astype(float)))
             acting.setdefault(field, []).append([float(source.name in case) for case in cases])
     fields = {field: np.zeros((len(cases), *zero.shape)) for field, zero in no_errors()._asdict().items()}

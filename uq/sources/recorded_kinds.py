@@ -1,17 +1,21 @@
-"""Errors of the rig that act on recorded runs alone: their files say what they do, and no trial draws them."""
+"""Kinds of the errors of the rig that are declared by their file alone: it says what they do to the samples."""
 
 from typing import ClassVar
 
 from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
-from uq.sources.source import KINDS, ErrorKind
+from uq.sources.source import EVERY_SAMPLE, KINDS, ErrorKind, Source, SumsConditions
 
 
-class OfRecordedRuns(ErrorKind):
-    """Lets an error of :mod:`identify.errors` act on a recorded run."""
+class ErrorByAct(ErrorKind):
+    """Lets an error of :mod:`identify.errors` act, to first order, on a recorded run or on a trial's samples."""
 
     constant = True
     error: ClassVar[ErrorModel]
+
+    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+        """Return why sums over samples do not tell its effect."""
+        return EVERY_SAMPLE
 
 
 def register() -> None:
@@ -21,4 +25,4 @@ def register() -> None:
             target, name = error.declared_as
             shape = (error.count,) if error.count > 1 else ()
             tables = {"name": name, "targets": {target: error.typical.key_unit}, "shape": shape, "error": error}
-            type(error.name, (OfRecordedRuns,), {**tables, "__doc__": error.typical.about})
+            type(error.name, (ErrorByAct,), {**tables, "__doc__": error.typical.about})

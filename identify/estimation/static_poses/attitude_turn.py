@@ -35,7 +35,10 @@ class Turn(NamedTuple):
         return f"({', '.join(with_uncertainty(float(x), float(u)) for x, u in pairs)}) deg"
 
 
-def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndarray, "n 3"]) -> Turn | None:
+def attitude_turn(
+    force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndarray, "n 3"],
+    further: Float[np.ndarray, "n 3 c"] | None = None,
+) -> Turn | None:  # fmt: skip
     """Return the turn R of ``F = m R f + F0``, fitted by least squares; None where the poses do not show one.
 
     They show it where the fit without it has residuals larger than chance makes them (F test).
@@ -43,9 +46,13 @@ def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndar
     Args:
         force: mean force on the body of each pose [N].
         specific_force: its specific force by the sensor of the attitude, in the same axes as declared [m/s²].
+        further: further columns of the force, such as those of a drift; None: none.
     """
     count, offset = len(force), np.tile(np.eye(3), (len(force), 1))
-    freedom = 3 * count - 7
+    if further is not None:
+        acting = further.any(axis=(0, 1))
+        offset = np.column_stack([offset, further[:, :, acting].reshape(3 * count, -1)])
+    freedom = 3 * count - 4 - offset.shape[1]
     if count < LEAST_POSES:
         return None
     plain = np.column_stack([specific_force.reshape(-1), offset])
@@ -54,7 +61,7 @@ def attitude_turn(force: Float[np.ndarray, "n 3"], specific_force: Float[np.ndar
     for _ in range(5):  # each step turns by what the one before left
         turned = specific_force @ turn.T
         rows = np.column_stack([turned.reshape(-1), -cross_matrices(turned).reshape(-1, 3), offset])
-        if np.linalg.matrix_rank(rows) < 7:
+        if freedom < 1 or np.linalg.matrix_rank(rows) < rows.shape[1]:
             return None
         fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]
         turn = exponentials(fitted[None, 1:4] / fitted[0])[0] @ turn

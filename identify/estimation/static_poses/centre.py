@@ -19,10 +19,13 @@ from identify.estimation.static_poses.creep import Creep, creep
 from identify.estimation.static_poses.gain_check import GainCheck, gain_check
 from identify.estimation.static_poses.pose_fit import EXACT, LINEAR, Attitudes, PoseFit, PoseSignals, fit
 from identify.estimation.static_poses.pose_outliers import Outlier, outliers
+from identify.estimation.static_poses.zero_drift import ZeroDrift, misfit, zero_drift
 from identify.exceptions import RunError
 from identify.rigid_body.regressor import cross_matrices
 from identify.signals.run import refuse_excess
 
+DECISIVE = 12.0
+"""Chi-square within which two explanations are not told apart: a likelihood of exp(6), one in 400."""
 LEAST_TILT = 0.02
 """Spread of the poses' specific force in its second direction, as a part of gravity, below which they count as one."""
 LARGE_RESIDUAL = 0.03
@@ -46,6 +49,7 @@ def centre(
     name: str = "the poses",
     used: Sequence[bool] | Bool[np.ndarray, " n"] | None = None,
     labels: Sequence[str] | None = None,
+    progress: ArrayLike | None = None,
 ) -> Centre:
     """Estimate mass, centre of gravity and offsets from static poses by least squares.
 
@@ -68,6 +72,7 @@ def centre(
         name: what messages call the data.
         used: which poses count; None: all. The others are still what the load was before the next pose.
         labels: what messages call the poses; None: by their numbers, from 1.
+        progress: when each pose was held, in any unit, shape (n,); None: one after another.
 
     Raises:
         RunError: wrong shapes, fewer than three poses, poses too similar, a mass that is not positive.
@@ -79,9 +84,12 @@ def centre(
     _check_poses(f[counted], name)
     gravity = float(np.linalg.norm(f, axis=1).mean())
     named = outliers(signals, attitudes, counted)
-    lag = creep(signals, attitudes, counted & ~np.isin(np.arange(len(f)), [outlier.pose for outlier in named]))
-    memory = None if lag is None else lag.columns
-    if lag is not None:
+    inliers = counted & ~np.isin(np.arange(len(f)), [outlier.pose for outlier in named])
+    order = np.arange(len(f), dtype=float) if progress is None else np.asarray(progress, float)
+    drift, lag = _told_apart(signals, attitudes, inliers, order)
+    further = [one.columns for one in (drift, lag) if one is not None]
+    memory = np.concatenate(further, axis=2) if further else None
+    if memory is not None:
         named = outliers(signals, attitudes, counted, memory)
     solution = fit(signals, attitudes, counted, memory=memory)
     if solution.values[0] <= 0:
@@ -107,10 +115,46 @@ def centre(
         mass=float(values[0]), r_cg=values[1:4], force_offset=values[4:7], moment_offset=values[7:],
         covariance=covariance, residuals=solution.residuals, degrees_of_freedom=degrees, gravity=gravity, gain=check,
         largest_tilt=_largest_tilt(f[counted]), lasting=lasting if lasting.size else None, by_wrench=by_wrench,
+        further=None if memory is None else memory[counted],
     )  # fmt: skip
     labels = labels or [f"pose {number}" for number in range(1, len(f) + 1)]
-    judged = [*map(_lagging, [] if lag is None else [lag]), *(_off(outlier, labels) for outlier in named)]
+    judged = [
+        *map(_drifting, [] if drift is None else [drift]),
+        *map(_lagging, [] if lag is None else [lag]),
+        *(_off(outlier, labels) for outlier in named),
+    ]
     return _warned(result, judged, f[counted])
+
+
+def _told_apart(
+    signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n"], progress: np.ndarray
+) -> tuple[ZeroDrift | None, Creep | None]:
+    """The drift of the zero and the creep that the poses show, each beside the other; else what is likelier."""
+    drift, lag = zero_drift(signals, attitudes, used, progress), creep(signals, attitudes, used)
+    if drift is None or lag is None:
+        return drift, lag
+    further, late = (
+        zero_drift(signals, attitudes, used, progress, lag.columns),
+        creep(signals, attitudes, used, drift.columns),
+    )
+    if (further is None) != (late is None):
+        return (drift, None) if late is None else (None, lag)
+    if further is not None:
+        return drift, late
+    drifting, lagging = (fit(signals, attitudes, used, memory=one.columns) for one in (drift, lag))
+    apart = misfit(lagging, signals, used) - misfit(drifting, signals, used)
+    if abs(apart) > DECISIVE:
+        return (drift, None) if apart > 0 else (None, lag)
+    rival = f"; creep explains the poses as well, with a mass of {significant(lagging.values[0], 5)} kg"
+    return drift._replace(rival=rival), None
+
+
+def _drifting(drift: ZeroDrift) -> str:
+    """The warning that the zero drifts."""
+    return (
+        f"the load cell's zero drifts, by {drift} from the first pose to the last{drift.rival}. It is estimated along, "
+        "and the offsets are those midway; let the load cell warm up, or zero it between poses"
+    )
 
 
 def _lagging(lag: Creep) -> str:

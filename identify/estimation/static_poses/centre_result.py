@@ -62,6 +62,9 @@ class Centre(Result):
     """Errors that ``interval95`` leaves out, at typical size, and what they do to the ten; None: not looked at."""
     by_wrench: np.ndarray | None = None
     """Derivative of the ten by the wrench of each pose (10, n, 6); None: read from a file, which does not hold it."""
+    further: np.ndarray | None = None
+    """Further columns of the wrench of each pose that were estimated along, such as a drift (n, 6, c); None: none, or
+    read from a file."""
     file_name = "centre.json"
     kind = "inertia centre"
 

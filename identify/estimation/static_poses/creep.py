@@ -81,18 +81,23 @@ def creeping(
     return creeps, slopes, bool(beyond.any(axis=1).mean() > 0.5)
 
 
-def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n"]) -> Creep | None:
+def creep(
+    signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n"],
+    beside: Float[np.ndarray, "n 6 c"] | None = None,
+) -> Creep | None:  # fmt: skip
     """Return by how much readings lag behind the load; None where the poses show no lag beyond chance.
 
     Args:
         signals: of all poses, in the order in which they were held.
         attitudes: how far attitudes may be off.
         used: poses that count and are no outliers.
+        beside: columns of another explanation, beside which the lag must show.
     """
     if used.sum() < LEAST_POSES:
         return None
-    plain = fit(signals, attitudes, used).values
-    candidates = [_memory(signals.specific_force, plain, keeps) for keeps in MEMORY]
+    plain = fit(signals, attitudes, used, memory=beside).values
+    more = np.zeros((len(used), CHANNELS, 0)) if beside is None else beside
+    candidates = [np.concatenate([_memory(signals.specific_force, plain, keeps), more], axis=2) for keeps in MEMORY]
     fits = [(fit(signals, attitudes, used, memory=columns), columns) for columns in candidates]
     # the leverages' sum is the rank: where poses repeat in turn, a lag is not told from the load itself
     determined = [pair for pair in fits if pair[0].leverage.sum() > LINEAR + pair[1][used].any(axis=(0, 1)).sum() - 0.5]
@@ -103,6 +108,7 @@ def creep(signals: PoseSignals, attitudes: Attitudes, used: Bool[np.ndarray, " n
     )
     part, u = best.memory[:2], best.memory_uncertainty[:2]
     limit = scipy.special.stdtrit(residual_freedom(best).min(), 1 - CHANCE / (4 * len(MEMORY)))
+    columns = columns[:, :, : 2 + CHANNELS]
     return Creep(part, u, columns) if (np.abs(part) > limit * u + ROUNDING).any() else None
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
+from identify.judge.conventions.carried_attitude import carried_gravity
 from identify.rigid_body import regressor
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import (
@@ -31,8 +32,6 @@ from identify.rigid_body.regressor import (
     PI_OF_FORCE,
     cross_matrix,
 )
-from identify.rigid_body.rotation import cumulative_product, exponentials
-from identify.signals.filters import moving_average
 
 SMOOTHING = 0.05
 """Standard deviation of the Gaussian filter [s].
@@ -58,6 +57,12 @@ MOST_SAMPLES = 1_000_000
 """Samples of a sensor behind which its conventions, which do not change, are no longer judged.
 
 Choice: a quarter of an hour at 1 kHz; seconds of computing and 0.5 GB of memory.
+"""
+LEAST_RATE = 100.0
+"""Rate that is left of a run whose conventions are judged [Hz].
+
+Choice: forty times the frequency of half the power. Means over the samples between two instants have their zeros where
+the filter's band would be folded from.
 """
 FORCE, MOMENT, SPECIFIC, GRAVITY = (slice(3 * i, 3 * i + 3) for i in range(4))
 MOTION = slice(12, 12 + len(FEATURES))
@@ -175,6 +180,11 @@ def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
     return change
 
 
+def samples_per_mean(rate: float) -> int:
+    """Return the odd number of samples whose means are judged: odd, so that a sample stands in the middle of them."""
+    return max(1, 2 * int((rate / LEAST_RATE - 1) / 2) + 1)
+
+
 def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:
     """The sums of a run in SI; None where the sensors have too little time in common, or a sample is not finite."""
     period = max(float(np.median(np.diff(signal.time))) for signal in (wrench, imu))
@@ -229,38 +239,6 @@ def _on_grid(time: np.ndarray, values: np.ndarray, grid: np.ndarray) -> Float[np
     box = np.ones(width) / width
     smooth = [np.convolve(column, box, mode="same") if width > 1 else column for column in values.T]
     return np.stack([np.interp(grid, time, column) for column in smooth], axis=1)
-
-
-RECALL = 20.0
-"""Time over which the accelerometer tells gravity's direction along axes that the gyro keeps [s].
-
-Choice: longer than periods of a motion, over which acceleration averages out.
-"""
-
-
-def carried_gravity(
-    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n 3"]:
-    """The opposite of gravity in the body frame [m/s²]: the specific force's usual size along its carried direction."""
-    size = float(np.median(np.linalg.norm(specific, axis=1)))
-    return size * carried_attitude(step, omega, specific)[:, 2]
-
-
-def carried_attitude(
-    step: float, omega: Float[np.ndarray, "n 3"], specific: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n 3 3"]:
-    """Rotations from B to axes at rest whose z is up, the yaw by the gyro alone.
-
-    The upward direction along the axes at the start is the specific force's mean over ``RECALL`` about each instant.
-    """
-    turns = np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])
-    attitude = cumulative_product(exponentials(turns))
-    along_start = np.einsum("nij,nj->ni", attitude, specific)
-    up = moving_average(along_start, 2 * round(RECALL / step / 2) + 1, ends="fewer")
-    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-12)
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(up.mean(axis=0))))], up)
-    x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
-    return np.stack([x, np.cross(up, x), up], axis=1) @ attitude
 
 
 Vector = Float[np.ndarray, "3"]

@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from identify.judge.conventions.attitude_findings import ORDERS, order_entry, read_as
 from identify.judge.conventions.axis_hypotheses import COSTS, DECISIVE, EQUAL
+from identify.judge.conventions.carried_attitude import carried_attitude
 from identify.judge.conventions.convention_fit import (
     SMOOTHING,
     STEP,
@@ -26,7 +27,6 @@ from identify.judge.conventions.convention_fit import (
     ImuSignal,
     Vector,
     WrenchSignal,
-    carried_attitude,
     smoothed,
 )
 from identify.judge.conventions.findings.accelerometer_delay import AccelerometerLags

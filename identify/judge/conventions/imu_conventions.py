@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.axis_hypotheses import signed_axes
+from identify.judge.conventions.carried_attitude import carried_by_gyro
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.rigid_body import regressor
 from identify.rigid_body.gravity import STANDARD_GRAVITY
@@ -76,6 +77,36 @@ POORER = 0.5
 
 Choice: half, so that axes about which little turns are not judged.
 """
+LEAST_GRAVITY_IN_ANY_UNIT = 0.5
+"""Mean specific force along axes at rest, below which there is no gravity in it.
+
+Choice: half of gravity in g, the least that it is in any unit. What is left is a change of velocity over ``SPAN``.
+"""
+SPAN = 5.0
+"""Seconds over which the specific force is averaged along axes at rest.
+
+Choice: a rig's velocity changes by some 2 m/s at most; a gyro's bias of 0.5 deg/s turns gravity by 2.5 deg.
+"""
+LEAST_SPAN = 2.0
+"""Seconds of a run from which its gravity is judged.
+
+Choice: a thrown body flies for one.
+"""
+LARGEST_ACCELERATION = 5.0
+"""Median of the specific force from which there is gravity in it [m/s²].
+
+Choice: half of gravity; a gyro in deg/s would turn gravity to nothing, and must not.
+"""
+FASTEST = 20.0
+"""Angular velocity from which a gyro is taken for one in deg/s [rad/s].
+
+Choice: no rig of this kind turns three times a second.
+"""
+FEW = 1e-3
+"""Part of the acceleration's samples that are not zero, below which there is no accelerometer.
+
+Choice: one in a thousand.
+"""
 SMOOTHED = 0.01
 """Window over which an IMU is averaged before its angular velocity is differentiated [s].
 
@@ -87,7 +118,7 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
     """The units that seem to be used instead, with the figure that tells: median acceleration, ratio of the turns."""
     wrong = {}
     specific_force = float(np.nanmedian(np.linalg.norm(imu.specific_force, axis=1)))
-    if in_free_fall(imu):
+    if in_free_fall(imu) or without_gravity(imu):
         return {}
     if GRAVITY_IN_G[0] < specific_force < GRAVITY_IN_G[1]:
         wrong["g"] = specific_force
@@ -96,6 +127,27 @@ def wrong_units(imu: ImuSignal) -> dict[str, float]:
         if by_gyro > LEAST_TURN and by_gyro > UNLIKE * by_accelerometer:
             wrong["deg/s"] = by_gyro / by_accelerometer if by_accelerometer > 0 else np.inf
     return wrong
+
+
+def without_gravity(imu: ImuSignal) -> bool:
+    """Whether an accelerometer's readings hold no gravity: their means along axes at rest, by the gyro, are nearly 0.
+
+    Not judged: runs of less than ``LEAST_SPAN`` and those whose accelerometer is not used.
+    """
+    time, omega, specific = imu
+    seconds = float(time[-1] - time[0]) if len(time) >= 100 else 0.0
+    if not seconds >= LEAST_SPAN or np.mean(specific.any(axis=1)) < FEW or _steady(imu):
+        return False
+    if np.median(np.linalg.norm(specific, axis=1)) > LARGEST_ACCELERATION:
+        return False
+    if np.quantile(np.linalg.norm(omega, axis=1), 0.95) > FASTEST:
+        omega = np.radians(omega)
+    count = max(1, int(seconds / SPAN))
+    means = [
+        np.linalg.norm(np.einsum("nij,nj->i", carried_by_gyro(seconds / (len(time) - 1), w), f) / len(f))
+        for w, f in zip(np.array_split(omega, count), np.array_split(specific, count), strict=True)
+    ]
+    return bool(np.median(means) < LEAST_GRAVITY_IN_ANY_UNIT)
 
 
 def in_free_fall(imu: ImuSignal) -> bool:

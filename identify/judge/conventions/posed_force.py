@@ -136,9 +136,9 @@ class PosedForce:
         """Whether a rigid body explains the force, so that something may be named."""
         return fit.misfit < NOT_RIGID**2 * self.changes
 
-    def excess(self, fit: GravityFit, best: GravityFit) -> float:
-        """Chi-square of a fit over that of the best one."""
-        variance = max(best.misfit, LEAST_MISFIT**2 * self.changes)
+    def excess(self, fit: GravityFit, best: GravityFit, *, least: float = LEAST_MISFIT) -> float:
+        """Chi-square of a fit over that of the best one, which leaves at least some part of the force's changes."""
+        variance = max(best.misfit, least**2 * self.changes)
         return (fit.misfit - best.misfit) * self.independent_values / variance
 
     def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:

@@ -26,6 +26,7 @@ from identify.judge.conventions.convention_fit import (
 from identify.judge.conventions.examined_run import LEAST_GRAVITY, ExaminedRun
 from identify.judge.conventions.findings.axes import accelerometer_finding, other_axes
 from identify.judge.conventions.findings.euler_rates import euler_rates_finding
+from identify.judge.conventions.findings.linear_acceleration import gravity_removed
 from identify.judge.conventions.findings.mirror import ImuMirrored, mirrored_wrench
 from identify.judge.conventions.findings.point import other_point
 from identify.judge.conventions.findings.sign import SignReading, sign_finding
@@ -39,9 +40,9 @@ from identify.judge.conventions.removed_weight import apparent_mass
 from identify.judge.findings import Finding
 
 
-def imu_findings(imu: ImuSignal, topic: str) -> list[Finding]:
-    """Judge an IMU's units and axes by its signals alone."""
-    return [*imu_unit_findings(imu, topic), *accelerometer_finding(imu, topic)]
+def imu_findings(imu: ImuSignal, topic: str, wrench: WrenchSignal | None = None) -> list[Finding]:
+    """Judge an IMU's units, axes and gravity by its signals; ``wrench``: of the load cell, where there is one."""
+    return [*imu_unit_findings(imu, topic), *accelerometer_finding(imu, topic), *gravity_removed(imu, topic, wrench)]
 
 
 def wrench_findings(

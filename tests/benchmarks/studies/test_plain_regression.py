@@ -12,7 +12,6 @@ from uq.plan.motion_design.arm.arm import Arm
 from uq.plan.motion_design.arm.mujoco_run import simulated
 
 pytest.importorskip("mujoco")
-pytest.importorskip("pinocchio")
 
 from benchmarks.studies.plain_regression import Measured, Stated, coverage_lines, plain
 

@@ -1,4 +1,4 @@
-"""Omega_R and the wrench regressor: against the definition, and against Pinocchio's."""
+"""Omega_R and the wrench regressor: against the definition, and against MuJoCo's inverse dynamics."""
 
 import subprocess
 import sys
@@ -22,7 +22,7 @@ from identify.rigid_body.regressor import (
     wrench_regressor,
 )
 
-pin = pytest.importorskip("pinocchio")
+mujoco = pytest.importorskip("mujoco")
 
 
 @pytest.fixture
@@ -92,39 +92,27 @@ def test_one_sample_in_its_rows_out_over_any_batch(generator, batch):
     np.testing.assert_array_equal(rows[first], omega_r(omega[first], alpha[first]))
 
 
-def free_body(body):
-    """A Pinocchio model of the body on a free joint at Q, and the order of its inertial parameters in ours."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "Q")
-    inertia = pin.Inertia(float(body.mass), np.asarray(body.r_cg_from_q), np.asarray(unpack(body.inertia)))
-    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-    return model, [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # m, m r, then Ixx Ixy Iyy Ixz Iyz Izz
+def of_mujoco(body, q, velocity, acceleration):
+    """Force and moment on a body on a free joint at Q, in its axes, by MuJoCo's inverse dynamics."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0, 0, -9.81]
+    link = spec.worldbody.add_body()
+    link.add_freejoint()
+    link.explicitinertial, link.mass, link.ipos = True, float(body.mass), np.asarray(body.r_cg_from_q)
+    link.fullinertia = np.asarray(unpack(body.inertia))[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, velocity, acceleration
+    mujoco.mj_inverse(model, data)
+    return np.concatenate([data.xmat[1].reshape(3, 3).T @ data.qfrc_inverse[:3], data.qfrc_inverse[3:]])
 
 
-def test_wrench_regressor_is_pinocchios(body, motion, generator):
+def test_the_wrench_is_mujocos_and_the_regressors(body, motion, generator):
     omega, alpha = motion
-    model, order = free_body(body)
-    data = model.createData()
-    rotation = Rotation.random(rng=generator)
-    acceleration = generator.normal(size=3)  # of Q in B
-    q = np.concatenate([generator.normal(size=3), rotation.as_quat()])
-    v = np.concatenate([np.zeros(3), np.asarray(omega)])
-    a = np.concatenate([acceleration, np.asarray(alpha)])
-    model.gravity.linear = np.array([0.0, 0.0, -9.81])
-    theirs = pin.computeJointTorqueRegressor(model, data, q, v, a)[:, order]
-    specific_force = acceleration - rotation.as_matrix().T @ model.gravity.linear
-    ours = wrench_regressor(omega, alpha, jnp.asarray(specific_force))
-    np.testing.assert_allclose(ours, theirs, atol=1e-10)
-
-
-def test_wrench_is_pinocchios_and_the_regressors(body, motion, generator):
-    omega, alpha = motion
-    model, _ = free_body(body)
-    rotation = Rotation.random(rng=generator)
-    acceleration = generator.normal(size=3)
-    q = np.concatenate([np.zeros(3), rotation.as_quat()])
-    theirs = pin.rnea(model, model.createData(), q, np.r_[np.zeros(3), omega], np.r_[acceleration, alpha])
-    at_q = jnp.asarray(acceleration - rotation.as_matrix().T @ model.gravity.linear)
+    rotation, acceleration = Rotation.random(rng=generator), generator.normal(size=3)  # of Q, in the world's axes
+    q = np.concatenate([generator.normal(size=3), rotation.as_quat(scalar_first=True)])
+    theirs = of_mujoco(body, q, np.r_[np.zeros(3), omega], np.r_[acceleration, alpha])
+    at_q = jnp.asarray(rotation.as_matrix().T @ (acceleration + [0, 0, 9.81]))
     at_cg = at_q + acceleration_at(body.r_cg_from_q, omega, alpha)
     ours = jnp.concatenate(wrench(body, omega, alpha, at_cg))
     np.testing.assert_allclose(ours, theirs, atol=1e-10)

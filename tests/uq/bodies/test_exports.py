@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-import pinocchio
 import pytest
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
@@ -17,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from identify import RunError
 from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from uq import ExperimentError, export
-from uq.bodies.export_formats import export_format, names
+from uq.bodies.export_formats import names
 from uq.bodies.export_formats.kuka import turns_zyx
 from uq.bodies.exported_body import ExportedBody
 
@@ -81,18 +80,6 @@ def test_mujoco_reports_the_same(one, name):
     check(one, *of_mujoco(text(one, name)))
 
 
-@pytest.mark.parametrize("name", ["urdf", "mjcf"])
-def test_pinocchio_reports_the_same(one, name, tmp_path):
-    export(one, name, tmp_path)
-    path = str(tmp_path / export_format(name).file)
-    if name == "urdf":
-        model = pinocchio.buildModelFromUrdf(path, pinocchio.JointModelFreeFlyer())
-    else:
-        model = pinocchio.buildModelFromMJCF(path)
-    found = model.inertias[1]
-    check(one, found.mass, found.lever, found.inertia)
-
-
 def test_sdf_is_read_back(one):
     """SDFormat: ``inertial/pose`` is the inertial frame in the link's, its turn roll, pitch, yaw about fixed axes."""
     inertial = ElementTree.fromstring(text(one, "sdf")).find("model/link/inertial")
@@ -101,13 +88,6 @@ def test_sdf_is_read_back(one):
     entry = {item.tag: float(item.text) for item in inertial.find("inertia")}
     tensor = matrix([entry[k] for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
     check(one, float(inertial.findtext("mass")), pose[:3], turn @ tensor @ turn.T)
-
-
-@pytest.mark.skipif(not pinocchio.WITH_SDFORMAT, reason="this Pinocchio is built without SDFormat")
-def test_pinocchio_reads_sdf(one, tmp_path):
-    export(one, "sdf", tmp_path)
-    model = pinocchio.buildModelsFromSdf(str(tmp_path / "body.sdf"), pinocchio.JointModelFreeFlyer())[0]
-    check(one, model.inertias[1].mass, model.inertias[1].lever, model.inertias[1].inertia)
 
 
 def from_yaml(content):

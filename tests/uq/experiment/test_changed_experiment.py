@@ -130,3 +130,15 @@ def test_completion_offers_what_matters(brief):
     offered = set(dir(brief))
     assert {"with_source", "with_body", "sources", "estimator", "tables"} <= offered
     assert not {"title", "notes", "overview", "hidden"} & offered
+
+
+def test_the_true_motion_is_that_of_mechanics():
+    """Specific force less gravity is the acceleration of the centre of gravity: none where it keeps still; alpha is a slope."""
+    experiment = Experiment.load(EXPERIMENTS / "t1-10s.toml")
+    true = experiment.motion("T1")
+    up = np.asarray(true.attitude)[:, 2]
+    np.testing.assert_allclose(true.specific_force, experiment.gravity * up, atol=1e-9)
+    slope = np.gradient(np.asarray(true.omega), np.asarray(true.t), axis=0)
+    np.testing.assert_allclose(slope[1:-1], true.alpha[1:-1], atol=2e-3)
+    with pytest.raises(ExperimentError, match="unknown trajectory 'T9'"):
+        experiment.motion("T9")

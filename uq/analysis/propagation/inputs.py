@@ -11,7 +11,7 @@ import numpy as np
 
 from uq.analysis.propagation.uncovered_sources import Peaks, check_law
 from uq.monte_carlo.gram_sums.cases import Case
-from uq.sources.constant_errors import PLACES, effect, field_of, no_errors
+from uq.sources.constant_errors import PLACES, effect, no_errors
 from uq.sources.distributions import Empirical, StudentT
 from uq.sources.draws import Mixing
 from uq.sources.source import SIGNALS, Source
@@ -85,7 +85,7 @@ def _linear_map(constant: Sequence[Source]) -> np.ndarray:
     ]
     matrix = np.zeros((sum(map(np.size, no_errors())), len(units)))
     for column, (source, unit) in zip(matrix.T, units, strict=True):
-        column[PLACES[field_of(source)]] = np.ravel(effect(source, unit))
+        column[PLACES[str(source.perturbs)]] = np.ravel(effect(source, unit))
     return matrix
 
 

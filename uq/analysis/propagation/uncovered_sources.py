@@ -10,7 +10,15 @@ from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
 from uq.monte_carlo.gram_sums.cases import cases_of
 from uq.sources.draws import Mixing
-from uq.sources.source import SIGNALS, SignalRange, Source, disturbs, normal_noise_variance, signal_variance
+from uq.sources.source import (
+    EVERY_SAMPLE,
+    SIGNALS,
+    SignalRange,
+    Source,
+    disturbs,
+    normal_noise_variance,
+    signal_variance,
+)
 
 LONGEST = 140
 """Most characters of sources and options that a message gives in full."""
@@ -90,6 +98,8 @@ def check_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks)
 def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> str | None:
     if source.constant and not np.all(np.isfinite(np.asarray(source.standard_deviation, float))):
         return "has no finite standard deviation (state more than two degrees of freedom)"
+    if source.constant and source.perturbs is None:
+        return EVERY_SAMPLE
     if source.signal is None:
         return None
     correlations = [mix.correlation for mix in mixing if source.name in mix.names]

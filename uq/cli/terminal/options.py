@@ -34,6 +34,33 @@ def positive_quantity(option: str, text: str, unit: str) -> float:
     return value
 
 
+MOST_VALUES = 1000
+"""Values of a sweep."""
+
+
+def swept_values(text: str) -> tuple[str, list[str]]:
+    """Return key and values of ``--sweep``: ``KEY=A:B:N``, or values with commas between them.
+
+    Raises:
+        ExperimentError: it is neither.
+    """
+    key, _, values = text.partition("=")
+    ends = values.split(":")
+    if not key or not values or len(ends) not in (1, 3):
+        raise ExperimentError(f"--sweep is {quoted(text)}: write KEY=A:B:N, or KEY=A,B,C")
+    if len(ends) == 1:
+        return key.strip(), [value.strip() for value in values.split(",")]
+    (first, _, unit), (last, _, other) = (end.strip().partition(" ") for end in ends[:2])
+    try:
+        low, high, count = float(first), float(last), int(ends[2])
+    except ValueError:
+        raise ExperimentError(f"--sweep is {quoted(text)}: write KEY=A:B:N with numbers A, B and N") from None
+    if other not in ("", unit) or not 2 <= count <= MOST_VALUES:
+        raise ExperimentError(f"--sweep is {quoted(text)}: write both ends in one unit, and 2 to {MOST_VALUES} values")
+    step = (high - low) / (count - 1)
+    return key.strip(), [f"{low + k * step:.6g} {unit}".strip() for k in range(count)]
+
+
 class _Limit(argparse.Action):
     """Keeps ``--from`` and ``--to`` in the order in which they were given."""
 

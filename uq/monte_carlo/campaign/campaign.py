@@ -133,7 +133,7 @@ def montecarlo(
             a checkpoint that is damaged or of another campaign.
     """
     for name, given in (("trials", trials), ("seed", seed)):
-        if not isinstance(given, numbers.Integral | None):
+        if not isinstance(given, numbers.Integral | None) or (name, given) == ("seed", None):
             raise TypeError(f"Argument `{name}` must be a whole number, but is {given!r}.")
     trials = (MOST_TRIALS if plan.goal else TRIALS) if trials is None else trials
     if trials < 1:

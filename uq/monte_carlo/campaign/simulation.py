@@ -23,6 +23,7 @@ from uq.monte_carlo.campaign.trial_setup import setting_of
 from uq.monte_carlo.trials.samples_engine import (
     SamplesEngine,
     SensorRecord,
+    by_act,
     draw_noise,
     prepare_samples,
     sensed,
@@ -102,9 +103,12 @@ def _recorded(setup: SamplesEngine, motion: Motion, key: Array, trial: Array) ->
     """Return the sensors' readings, the true specific force at Q, and the true attitude."""
     draws = draw_constants(setup.sources, setup.mixing, key, trial, setup.dtype)
     errors, draws = errors_of(setup.sources, draws), draws | draw_noise(setup, key, trial)
-    record = sensed(setup, smooth_signals(setup, errors), draws, [True] * len(setup.sources))
+    numbers = {name: draws[name] for name in setup.by_act}
+    record = sensed(setup, smooth_signals(setup, errors, numbers), draws, [True] * len(setup.sources))
     rotation = jnp.matmul(exponential(errors.tilt), motion.rotation)
     q_from_still = jnp.asarray(setup.platform.r_cg_from_still) + errors.r_cg_from_omb - setup.body.r_cg_from_q
     turning = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(q_from_still, motion.omega, motion.alpha)
     moving = jax.vmap(lambda t, r_ab: acceleration_of(setup.trajectory, t) @ r_ab)(motion.t, motion.rotation)
-    return record, turning + moving + (setup.platform.gravity + errors.gravity) * rotation[:, 2, :], rotation
+    up = rotation[:, 2, :]
+    specific_force = turning + moving + (setup.platform.gravity + errors.gravity) * up + by_act(setup, numbers)[9:].T
+    return record, specific_force, rotation

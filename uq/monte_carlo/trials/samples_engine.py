@@ -7,6 +7,7 @@ stay in a processor's cache. ``docs/reference_trial.py`` is the same without blo
 """
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -22,11 +23,14 @@ from identify.rigid_body.regressor import features
 from identify.signals.differentiate import derivative
 from uq.monte_carlo.gram_sums.cases import Case, Estimator, cases_of
 from uq.monte_carlo.gram_sums.error_maps import OF_MOTION, Platform, WrenchBasis, gyro_map
+from uq.monte_carlo.trials.acting_errors import columns_of
 from uq.monte_carlo.trials.engine import Engine, Estimates, TrialSetting
 from uq.sources.constant_errors import Errors, errors_of_cases, no_errors, perturbed
 from uq.sources.draws import BLOCK, Mixing, draw_constants, noise_at_rest, noise_of_block, noise_streams
 from uq.sources.random_normals import in_order
 from uq.sources.source import Source
+
+NONE: Mapping[str, Array] = MappingProxyType({})
 
 
 class SamplesEngine(Engine):
@@ -45,6 +49,9 @@ class SamplesEngine(Engine):
     sources: tuple[Source, ...]
     mixing: tuple[Mixing, ...]
     estimators: tuple[Estimator, ...]
+    by_act: Mapping[str, Float[Array | np.ndarray, "12 n p"]]
+    """Derivatives of force, moment, angular velocity and specific force by the numbers of each source that has no field
+    of the errors."""
     basis: WrenchBasis = static_field()
     dtype: np.dtype = static_field()
     """Precision of noise and signals; constant errors, sums over blocks and solutions have the default precision."""
@@ -86,7 +93,8 @@ def prepare_samples(
         cases=tuple(cases or cases_of(sources)), body=setting.body, platform=setting.platform,
         trajectory=setting.trajectory, t=motion.t, omega=motion.omega.astype(dtype),
         wrench=jax.device_put(wrench.astype(dtype)), sources=tuple(sources), mixing=tuple(setting.mixing),
-        estimators=tuple(setting.estimators), basis=basis, dtype=np.dtype(dtype),
+        estimators=tuple(setting.estimators), basis=basis,
+        by_act=columns_of(sources, setting.body, setting.platform, motion), dtype=np.dtype(dtype),
     )  # fmt: skip
 
 
@@ -101,7 +109,8 @@ def sampled_trial(
 
     def of_case(case: tuple[dict[str, Array], Array]) -> Sums:
         moving, acts = case
-        record = sensed(engine, smooth_signals(engine, no_errors()._replace(**moving)), draws, acts)
+        numbers = {s.name: acts[k] * draws[s.name] for k, s in enumerate(engine.sources) if s.name in engine.by_act}
+        record = sensed(engine, smooth_signals(engine, no_errors()._replace(**moving), numbers), draws, acts)
         sums = [record_sums(engine, record, estimator) for estimator in engine.estimators]
         return jax.tree.map(lambda *leaves: jnp.stack(leaves), *sums)
 
@@ -130,8 +139,14 @@ def draw_noise(engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
     return {source.name: noise for source, noise in zip(noisy, ordered, strict=True)}
 
 
-def smooth_signals(engine: SamplesEngine, errors: Errors) -> SensorRecord:
-    """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors."""
+def smooth_signals(engine: SamplesEngine, errors: Errors, numbers: Mapping[str, Array] = NONE) -> SensorRecord:
+    """Return what sensors without noise, of unlimited range and resolution, would record: smooth in the errors.
+
+    Args:
+        engine: of the trial.
+        errors: of all sources that set one of their fields.
+        numbers: draws of the other constant sources, by name, as :func:`by_act` takes them.
+    """
     dtype, elapsed = engine.dtype, engine.t - engine.t[0]
     wrench = jnp.matmul(engine.basis.map(engine.body, engine.platform, errors).astype(dtype), engine.wrench)
     wrench = wrench + errors.cell_bias[:, None].astype(dtype)
@@ -140,7 +155,17 @@ def smooth_signals(engine: SamplesEngine, errors: Errors) -> SensorRecord:
         omega = jax.vmap(engine.trajectory.omega, out_axes=1)(engine.t - errors.gyro_delay).astype(dtype)
     omega = jnp.matmul(gyro_map(errors).astype(dtype), omega) + jnp.outer(errors.gyro_drift, elapsed).astype(dtype)
     omega = omega + errors.gyro_bias[:, None].astype(dtype)
-    return SensorRecord(wrench[:3], wrench[3:], omega)
+    added = by_act(engine, numbers)
+    return SensorRecord(wrench[:3] + added[:3], wrench[3:] + added[3:6], omega + added[6:9])
+
+
+def by_act(engine: SamplesEngine, numbers: Mapping[str, Array]) -> Float[Array, "12 n"] | Float[np.ndarray, "12 1"]:
+    """Return what sources without a field of the errors add to force, moment, angular velocity and specific force."""
+    added = [
+        jnp.asarray(engine.by_act[name], engine.dtype) @ jnp.atleast_1d(drawn).astype(engine.dtype)
+        for name, drawn in numbers.items()
+    ]
+    return sum(added[1:], added[0]) if added else np.zeros((12, 1), engine.dtype)
 
 
 def sensed(

@@ -14,7 +14,7 @@ from identify.least_squares.covariance_matrices import root_of
 from uq.experiment.experiment import Experiment
 from uq.sources.constant_errors import CELL_CHANNELS, effect, no_errors
 from uq.sources.draws import Mixing
-from uq.sources.recorded_kinds import OfRecordedRuns
+from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Source, kind_of
 
 
@@ -40,7 +40,7 @@ def estimated_as(source: Source, duration: float) -> tuple[str, Callable[[np.nda
         source: a constant error.
         duration: of a run [s], which makes a change of a drift's slope.
     """
-    if isinstance(source.error_kind, OfRecordedRuns):
+    if isinstance(source.error_kind, ErrorByAct):
         unknowns = source.error_kind.error.unknowns
         return (unknowns[0], np.ravel) if unknowns else None
     error = _declared_errors().get(source.perturbs or "")

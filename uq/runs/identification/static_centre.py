@@ -91,6 +91,8 @@ class _Wrenches:
     """Names of the poses in messages: ``pose 7``, and when it was held."""
     measured: bool
     """Whether an accelerometer tells the attitudes."""
+    progress: np.ndarray | None = None
+    """Times at which the poses were held, in any unit, (n,); None: one after another."""
     findings: Sequence[Finding] = ()
     """Contradictions of the declared attitudes by the forces, each with its cure."""
 
@@ -132,7 +134,7 @@ def centre_file(
     findings = [*(wrenches.findings or _axes(wrenches, experiment, rig, name))]
     estimate = partial(
         centre, force, moment, specific_force, mass=experiment.scale, name=name, used=wrenches.used,
-        labels=wrenches.labels,
+        labels=wrenches.labels, progress=wrenches.progress,
     )  # fmt: skip
     poses = experiment.poses or Poses()
     attitudes = uncertain(specific_force, poses, wrenches.lean.accelerometer, wrenches.rig.imu_rotation)
@@ -157,7 +159,7 @@ def centre_file(
         result,
         lasting_names=(*(f"{ATTITUDE_AXIS}{k + 1}" for k in range(attitudes.lasting)), *names),
         zero=reading_of(offset, wrenches.rig) if wrenches.rig.cell_axes else None,
-        warnings=(*(_texts(findings) or _turned(wrenches, poses)), *wrenches.warnings, *result.warnings),
+        warnings=(*(_texts(findings) or _turned(wrenches, poses, result)), *wrenches.warnings, *result.warnings),
         assumptions=(*wrenches.rig.assumptions, *gravity, *aligned, *wrenches.notes),
         provenance=provenance(**experiment.inputs(), inputs=[{"file": str(path), "sha256": wrenches.sha256}]),
     )
@@ -202,9 +204,10 @@ def _upside_down(wrenches: _Wrenches, experiment: Experiment) -> SignReading:
     return SignReading("gravity is upside down", gravity_entry(gravity))
 
 
-def _turned(wrenches: _Wrenches, poses: Poses) -> tuple[str, ...]:
+def _turned(wrenches: _Wrenches, poses: Poses, result: Centre) -> tuple[str, ...]:
     """Return the warning that the attitude sensor is turned by more than is declared."""
-    turn = attitude_turn(wrenches.force[wrenches.used], wrenches.lean.specific_force[wrenches.used])
+    further = None if result.further is None else result.further[:, :3]
+    turn = attitude_turn(wrenches.force[wrenches.used], wrenches.lean.specific_force[wrenches.used], further)
     if turn is None or float(np.linalg.norm(turn.vector)) < 3 * poses.sigma_alignment:
         return ()
     rotation = Entries({"imu_rotation_to_body": turn.matrix @ wrenches.rig.imu_rotation})
@@ -272,6 +275,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
         force=force, moment=moment, lean=lean, rig=rig, sha256=bag.sha256, warnings=lean.warnings,
         notes=(*lean.notes, *notes), used=np.ones(len(force), bool),
         labels=tuple(f"pose {number}" for number in range(1, len(force) + 1)), findings=findings, measured=sensed,
+        progress=table.numbers("time", complete=True)[:, 0] if poses.time is not None else None,
     )  # fmt: skip
 
 
@@ -329,6 +333,7 @@ def _held(
         force=means[:, :3], moment=means[:, 3:], lean=lean, rig=recorded.rig, sha256=str(run.sha256),
         warnings=(*run.warnings, *left_out, *lean.warnings), notes=(held, *lean.notes),
         used=used, labels=_labels(run, rests), measured=run.specific_force is not None and run.gravity is None,
+        progress=np.array([run.t[rest].mean() for rest in rests]),
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ from uq.runs.identification.estimated_errors import draw_root
 from uq.runs.identification.recorded_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
-from uq.sources.recorded_kinds import OfRecordedRuns
+from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Source
 
 TRIALS = 10_000
@@ -123,7 +123,7 @@ def with_declared_sources(
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
         warnings = (*warnings, f"{left_out}: they are left out")
-    rows = [*_of_recorded_runs(result, experiment)] + [
+    rows = [*_by_act(result, experiment)] + [
         drawn_row(
             source.name, systematic.alone[source.name],
             key=source.name if source.perturbs in SAME_FOR_EVERY_BODY else "",
@@ -155,13 +155,13 @@ def with_declared_sources(
     )  # fmt: skip
 
 
-def _of_recorded_runs(result: Identification, experiment: Experiment) -> Iterator[Row]:
-    """Rows of declared errors that no trial draws, by the estimate's derivatives; its own unknowns it has already."""
+def _by_act(result: Identification, experiment: Experiment) -> Iterator[Row]:
+    """Rows of errors that are declared by their file alone, by the estimate's derivatives; `joint` has its unknowns."""
     derivatives = result.by_held_errors or {}
     for source in experiment.sources:
         kind = source.error_kind
-        estimated = isinstance(kind, OfRecordedRuns) and result.method == "joint" and kind.error.unknowns
-        if isinstance(kind, OfRecordedRuns) and not estimated and kind.error.name in derivatives:
+        estimated = isinstance(kind, ErrorByAct) and result.method == "joint" and kind.error.unknowns
+        if isinstance(kind, ErrorByAct) and not estimated and kind.error.name in derivatives:
             changes = derivatives[kind.error.name] @ draw_root(source, experiment.mixing)
             yield Row(error=source.name, changes=changes, key=source.name)
 

@@ -22,6 +22,7 @@ from uq.files.mistakes import ExperimentError
 from uq.runs.identification.centre_prior import with_mass_and_centre
 from uq.runs.identification.identify_files import WITH_FIXTURE, identify_files
 
+STATE_FIXTURE = "give --tare-centre, or state them in [fixture], or record accelerations and use the method joint"
 SHARED = "the tare's runs and poses share errors of the rig, and those of static poses that last, with the body's"
 
 
@@ -51,29 +52,31 @@ def tare_files(
         RigError, RunError: see :func:`uq.runs.identification.identify_files.identify_files` and
             :func:`identify.rigid_body.fixture.check`.
     """
-    check_tare(paths, experiment, tare_centre)
+    check_tare(paths, experiment, tare_centre, method)
     if not paths:
         return result if experiment.fixture is None else tared(result, experiment.fixture)
     loaded = {run.sha256 for run in result.runs}
-    alone = fixture_alone(experiment, tare_centre)
+    alone = fixture_alone(experiment, tare_centre, method)
     empty = identify_files(paths, alone, estimator=estimator, offsets=offsets, centre=tare_centre, method=method)
     if both := [run.file for run in empty.runs if run.sha256 in loaded]:
         raise RunError(f"{both[0]} is both loaded and empty: name the runs of the empty platform after --tare")
-    if tare_centre is None:
-        fixture = experiment.fixture
-        assert fixture is not None  # noqa: S101 - fixture_alone has seen it
-        empty = empty.joined([mass_row(float(fixture.standard_uncertainty[0]))])
+    if tare_centre is None and experiment.fixture is not None:
+        empty = empty.joined([mass_row(float(experiment.fixture.standard_uncertainty[0]))])
+    elif empty.mass is None:
+        raise RunError(f"the runs of the empty platform do not determine the fixture's mass: {STATE_FIXTURE}")
     return tared(result, empty)
 
 
-def check_tare(paths: Sequence[str | Path], experiment: Experiment, tare_centre: str | Path | None) -> None:
+def check_tare(
+    paths: Sequence[str | Path], experiment: Experiment, tare_centre: str | Path | None, method: str | None = None
+) -> None:
     """Refuse what :func:`tare_files` cannot do, before anything is identified.
 
     Raises:
         ExperimentError, RunError: see there.
     """
     if paths:
-        fixture_alone(experiment, tare_centre)
+        fixture_alone(experiment, tare_centre, method)
         return
     if tare_centre is not None:
         raise RunError("--tare-centre without --tare: name the runs of the empty platform, or state [fixture]")
@@ -81,8 +84,10 @@ def check_tare(paths: Sequence[str | Path], experiment: Experiment, tare_centre:
         raise ExperimentError("no fixture.inertia: state it, or name runs of the empty platform with --tare")
 
 
-def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Experiment:
+def fixture_alone(experiment: Experiment, tare_centre: str | Path | None, method: str | None = None) -> Experiment:
     """Return the experiment with the fixture in the body's place.
+
+    Where nothing states its mass and centre of gravity, the method ``joint`` identifies them with the tensor.
 
     Raises:
         ExperimentError: nothing tells the fixture's mass and centre of gravity, or two things tell its tensor.
@@ -96,10 +101,10 @@ def fixture_alone(experiment: Experiment, tare_centre: str | Path | None) -> Exp
     empty = replace(experiment, r_cg_from_q=None, mass=None, scale=None, inertia=None, datum=None, fixture=None)
     if tare_centre is not None:
         return empty
+    if fixture is None and (method or experiment.recording.method) == "joint":
+        return empty
     if fixture is None:
-        raise ExperimentError(
-            "--tare needs the fixture's mass and centre of gravity: give --tare-centre, or state them in [fixture]"
-        )
+        raise ExperimentError(f"--tare needs the fixture's mass and centre of gravity: {STATE_FIXTURE}")
     return with_mass_and_centre(empty, fixture.mass, fixture.r_cg, fixture.standard_uncertainty[1:4], "[fixture]")
 
 

@@ -28,7 +28,7 @@ from uq.runs.identification.centre_errors import ON_POSES, wrench_error
 from uq.runs.identification.estimated_errors import estimated_errors
 from uq.runs.identification.systematic_errors import OF_MASS_AND_CENTRE, SystematicProblem, equations, problem_of
 from uq.sources.constant_errors import errors_of
-from uq.sources.recorded_kinds import OfRecordedRuns
+from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Source, kind_of
 
 NEGLIGIBLE = 1e-9
@@ -83,7 +83,7 @@ def with_undeclared(
             return result
     declared = {(source.target, source.kind) for source in experiment.sources}
     for error, figure in figures_of(experiment):
-        drawn = error.declared_as is not None and not isinstance(kind_of(*error.declared_as), OfRecordedRuns)
+        drawn = error.declared_as is not None and not isinstance(kind_of(*error.declared_as), ErrorByAct)
         if error in BESIDE and not drawn and error.declared_as not in declared and error.name in by_held:
             changes[error.name] = by_held[error.name] @ error.typical_numbers(figure)
     table = experiment.undeclared

@@ -7,11 +7,19 @@ import numpy as np
 
 from identify.estimation.static_poses.centre_result import Centre
 from identify.judge.conventions.attitude_findings import attitude_findings
-from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_fit import (
+    MOST_SAMPLES,
+    DeclaredRig,
+    ImuSignal,
+    WrenchSignal,
+    samples_per_mean,
+)
 from identify.judge.conventions.findings.clock import clock_findings
+from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
+from identify.signals.filters import means
 from identify.signals.run import Run
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
@@ -49,7 +57,10 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name, delay):
         return clocks
-    attitude = _attitude(run, experiment, usable)
+    # a few times the motion's rate is enough for all that follows, which looks at the run a dozen times
+    count = samples_per_mean(run.rate)
+    imu, wrench = ImuSignal(*(means(x, count) for x in imu)), WrenchSignal(*(means(x, count) for x in wrench))
+    attitude = _attitude(run, experiment, np.arange(usable.start, usable.stop)[count // 2 :: count][: len(imu.time)])
     rig = declared_rig(experiment, measured=run.gravity is None, undone=undone, turn_free=turn_free)
     rig = replace(rig, imu_position=run.imu_position)
     if attitude is not None and (contradicted := attitude_findings(imu, attitude.to_rest, rig, run.name)):
@@ -57,22 +68,24 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     if run.specific_force is None:
         has_gravity = attitude is not None and attitude.gravity is not None
         return run_gravity(wrench, imu, attitude, rig, run.name).findings if has_gravity else []
-    from_imu = imu_findings(imu, run.name)
-    if any(finding.label == "axes" for finding in from_imu):
+    from_imu = imu_findings(imu, run.name, wrench)
+    if any(finding.label in ("axes", "linear acceleration") for finding in from_imu):
         return from_imu
+    if filtered := list(filter_findings(wrench, imu, run.name)):
+        return [*from_imu, *filtered]
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     return [*from_imu, *together]
 
 
-def _attitude(run: Run, experiment: Experiment, usable: slice) -> AttitudeSignal | None:
-    """Return the attitudes that were recorded, and what is declared of them; None: there are none."""
+def _attitude(run: Run, experiment: Experiment, instants: np.ndarray) -> AttitudeSignal | None:
+    """Return the attitudes recorded at some instants, and what is declared of them; None: there are none."""
     if run.attitude is None:
         return None
     recording = experiment.recording
     gravity = recording.gravity_of_poses(experiment.gravity)
     source: Source = "quaternion" if run.gravity is None else "poses" if recording.urdf is None else "joints"
     return AttitudeSignal(
-        to_rest=run.attitude[usable], gravity=run.gravity, source=source, accelerates=run.specific_force is not None,
+        to_rest=run.attitude[instants], gravity=run.gravity, source=source, accelerates=run.specific_force is not None,
         turned_back=recording.turns_back, zero_at_rest=run.zero_at_rest, up=-gravity / np.linalg.norm(gravity),
     )  # fmt: skip
 

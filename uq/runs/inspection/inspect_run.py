@@ -14,6 +14,7 @@ import numpy as np
 
 from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
 from identify.judge.conventions.findings.clock import clock_findings
+from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
 from rig.channels import ImuChannel, WrenchChannel, stamps_early
@@ -46,6 +47,8 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         if report.imported:
             in_map = {topic_finding(part, imported=False): topic_finding(part, imported=True) for part in judged}
             report.findings = [in_map.get(finding, finding) for finding in report.findings]
+        if report.gravity_removed:
+            report.findings = [finding for finding in report.findings if finding.kind != "linear acceleration"]
         return report
     from identify.signals.run import RunError
     from uq.files.mistakes import ExperimentError
@@ -59,7 +62,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         try:
             run = load(Path(path), experiment.recording, gravity=experiment.gravity, band=band, marks=False).run
         except RunError:
-            if all(finding.kind != "not finite" for finding in findings):
+            if all(finding.kind not in ("not finite", "bunches", "constant") for finding in findings):
                 raise
             return findings
         run = cut(run, None, ())
@@ -88,9 +91,11 @@ def _without_experiment(
     origin = min((int(channel.stamp[0]) for channel in channels if len(channel.stamp)), default=0)
     findings = list(findings)
     wild = {finding.topic for finding in findings if finding.kind in ("not finite", "excess")}
+    whole = [wrench for wrench in wrenches if len(wrench.stamp) >= LEAST_SAMPLES and wrench.topic not in wild]
+    alone = WrenchSignal(_seconds(whole[0], origin), whole[0].force, whole[0].moment) if len(whole) == 1 else None
     for imu in imus:
         if len(imu.stamp) >= LEAST_SAMPLES and imu.topic not in wild:  # of such values nothing can be computed
-            by_itself = imu_findings(_imu_signal(imu, origin), imu.topic)
+            by_itself = imu_findings(_imu_signal(imu, origin), imu.topic, alone)
             judged += by_itself
             findings += [topic_finding(finding, imported=False) for finding in by_itself]
     topics = [channel.topic for channel in channels]
@@ -98,8 +103,10 @@ def _without_experiment(
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
-        together = clock_findings(*signals, stamps_early(wrench, imu), imu.topic) or wrench_findings(
-            *signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic
+        together = (
+            clock_findings(*signals, stamps_early(wrench, imu), imu.topic)
+            or list(filter_findings(*signals, wrench.topic))
+            or wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
         )
         judged += together
         findings += [topic_finding(finding, imported=False) for finding in together]

@@ -14,7 +14,12 @@ import numpy as np
 import scipy
 from jaxtyping import Float, Int
 
-from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.angular_velocity_from_attitude import (
+    angular_velocity,
+    band_by_turning,
+    continuous,
+    differentiator,
+)
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform
 from identify.signals.run import RunError
@@ -198,7 +203,7 @@ def _of_pose(
 
     def turn(uniform: np.ndarray, rate: float) -> Differentiated:
         unit = uniform[:, :4] / np.linalg.norm(uniform[:, :4], axis=1, keepdims=True)
-        taps = differentiator(unit, rate, name, band=attitude_band(unit, rate, band))
+        taps = differentiator(unit, rate, name, band=band, by_turning=band_by_turning(unit, rate))
         omega, sigma = angular_velocity(unit, taps)
         if not travels:
             return Differentiated(omega, sigma, taps)
@@ -246,7 +251,7 @@ def _of_joints(
         if gravity is not None:
             curve, within = _slope(slope, taps), slice(len(taps), len(inner) - len(taps))
             inner, slope = inner[within], slope[within]
-            force = chain.specific_force(inner, slope, curve, gravity)
+            force = chain.motion(inner, slope, curve, gravity).specific_force
         return Differentiated(chain.angular_velocity(inner, slope), sigma, taps, force)
 
     differentiated = _differentiated(source, position, instants, turn, name, "its joints' positions")
@@ -274,7 +279,7 @@ def _joint_states(
     for what, values in (("position", position), ("velocity", velocity)):
         if values.shape[1] not in ((0, len(source.names)) if what == "velocity" else (len(source.names),)):
             raise RunError(f"{what} of {name} has {values.shape[1]} values for {len(source.names)} joints")
-    columns = [k for _, k in chain.joints]
+    columns = list(chain.columns)
     complete, position = _complete(position, columns, instants, name)
     measured = np.zeros(len(velocity), bool)
     if velocity.shape[1] and not by_positions:

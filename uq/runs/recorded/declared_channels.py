@@ -40,6 +40,10 @@ class DeclaredConventions:
     """Whether the wrench is recorded in the load cell's own axes; not in those of the body, as a run of ours is."""
     accelerometer_delay: float = 0.0
     """Time by which the accelerometer's samples are older than the gyro's [s]."""
+    wrench_time_constant: float = 0.0
+    """Time constant of the low-pass of first order through which the wrench went [s]."""
+    gravity_removed: bool = False
+    """Whether gravity was taken out of the accelerometer's readings."""
 
     def wrench(self, channel: WrenchChannel, attitude: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return force and moment on the body about Q, in B: by calibration, units, sign, rotation, attitude, point.
@@ -73,6 +77,9 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
     assumed: list[str] = []
     scales = _scales(metadata, recording, assumed)
     scales["acceleration"] *= -1.0 if recording.accelerometer_at_rest == "down" else 1.0
+    if metadata.gravity_removed and recording.accelerometer_at_rest not in (None, "zero"):
+        stated = "gravity was taken out of its acceleration"
+        raise metadata.contradiction(stated, "accelerometer_at_rest", recording.accelerometer_at_rest)
     meaning = recording.wrench or metadata.wrench
     if meaning is None:
         assumed.append("the wrench is that on the body")
@@ -94,6 +101,8 @@ def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConv
         imu_rotation=np.eye(3) if imu_rotation is None else imu_rotation,
         wrench_point=np.zeros(3) if point is None else point, imu_position=position, assumptions=tuple(assumed),
         cell_axes=not metadata.wrench_in_body, accelerometer_delay=recording.accelerometer_delay or 0.0,
+        wrench_time_constant=0.0 if recording.wrench_lowpass is None else 1 / (2 * np.pi * recording.wrench_lowpass),
+        gravity_removed=metadata.gravity_removed or recording.accelerometer_at_rest == "zero",
     )  # fmt: skip
 
 
@@ -134,6 +143,7 @@ class _Metadata:
             (about[f"{name}.compensated"] for name in devices if f"{name}.compensated" in about), ""
         )
         self.wrench_in_body, self.imu_in_body = _in_body(wrench_meaning), _in_body(imu_meaning)
+        self.gravity_removed = about.get("accelerometer_at_rest") == "zero"
         self.wrench_at_q, self.imu_at_q = _at_q(wrench_meaning), _at_q(imu_meaning)
         self.units = {name: unit for name, unit in _json(about.get("units")).items() if isinstance(unit, str)}
         if "[N]" in wrench_meaning and "[N*m]" in wrench_meaning:

@@ -1,16 +1,24 @@
-"""Motion of a robot's link from that of its joints: a URDF through the optional package Pinocchio."""
+"""Motion of a robot's link from that of its joints, by the robot's URDF, at many instants at once.
 
+The recursion is that of :mod:`identify.motion.serial_arm.serial_chain`, which is JAX's for derivatives, here in NumPy:
+nothing is compiled for a recording.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
+from identify.rigid_body.dynamics import acceleration_at
+from identify.rigid_body.rotation import exponentials
 from identify.signals.run import RunError
 from rig.exceptions import listed, quoted
 from uq.experiment.recording_table import RecordingTable
 from uq.files.mistakes import ExperimentError
-from uq.runs.recorded.urdf_model import frame_number, joint_axis, urdf_model
+from uq.runs.recorded.urdf_model import MovedLink, Pose, urdf_model
 
 ONE_TURN = 2 * np.pi * (1 + 1e-6)
 """Range of an angle that is recorded within one turn [rad], with its rounding."""
@@ -20,18 +28,25 @@ UNLIKE = 0.3
 """Departure from one, of recorded velocities over the rate of recorded positions, that no noise or delay makes."""
 
 
+class FrameMotion(NamedTuple):
+    """Motion of a frame at n instants, in its own axes."""
+
+    omega: Float[np.ndarray, "n 3"]
+    """Angular velocity of the frame [rad/s]."""
+    specific_force: Float[np.ndarray, "n 3"]
+    """Acceleration of the frame's origin less gravity [m/s²]."""
+
+
 @dataclass(frozen=True)
 class Chain:
     """The joints between a robot's base and a frame."""
 
-    model: Any
-    """Pinocchio's model of the robot."""
-    data: Any
-    """Workspace of Pinocchio's algorithms for ``model``."""
-    frame: int
-    """Number of the frame in the model."""
-    joints: tuple[tuple[int, int], ...]
-    """Numbers of each joint that moves the frame: in the model, and among the recorded joints."""
+    links: tuple[MovedLink, ...]
+    """The links that move the frame, from the base."""
+    frame: Pose
+    """Pose of the frame in the last of them."""
+    columns: tuple[int, ...]
+    """Number of each one's joint among the recorded joints."""
     notes: tuple[str, ...] = ()
     """Notes on the names by which the joints were found."""
 
@@ -47,36 +62,27 @@ class Chain:
         Raises:
             ExperimentError: the URDF is not declared, missing, no URDF, or without the frame.
             RunError: a joint that moves the frame was not recorded, or turns about no fixed axis.
-            RigError: Pinocchio is not installed.
         """
         if declared.urdf is None or declared.urdf_frame is None:
             raise ExperimentError(
                 f"{topic} has joint states: declare the robot by recording.urdf and recording.urdf_frame, "
                 "or name another recording.motion_topic"
             )
-        model = urdf_model(declared.urdf, "recording.urdf", "joint states")
-        frame = frame_number(model, declared.urdf_frame, declared.urdf, "recording.urdf_frame")
-        moving = [number for number in model.supports[model.frames[frame].parentJoint] if number > 0]
-        joints = [model.names[number] for number in moving]
+        model = urdf_model(declared.urdf, "recording.urdf")
+        link = model.link_of(declared.urdf_frame, "recording.urdf_frame")
+        moving = [joint for joint in model.joints_to(link) if joint.moves]
+        joints = [joint.name for joint in moving]
         recorded, notes = _recorded_names(joints, names)
-        for number, joint in zip(moving, joints, strict=True):
-            if recorded[joint] not in names:
+        for joint in moving:
+            if recorded[joint.name] not in names:
                 raise RunError(
-                    f"joint {quoted(joint)} of {Path(declared.urdf).name} is not in {topic}: it has {listed(names)}"
+                    f"joint {quoted(joint.name)} of {Path(declared.urdf).name} is not in {topic}: "
+                    f"it has {listed(names)}"
                 )
-            if model.joints[number].nv != 1:
-                raise RunError(f"joint {quoted(model.names[number])} of {Path(declared.urdf).name} has several axes")
-            joint_axis(model, number, declared.urdf)
-        columns = [names.index(recorded[joint]) for joint in joints]
-        return cls(model, model.createData(), frame, tuple(zip(moving, columns, strict=True)), notes)
-
-    def jacobian(self, position: np.ndarray) -> np.ndarray:
-        """Return the angular Jacobian in the frame's own axes at recorded positions (k,), (3, joints)."""
-        import pinocchio
-
-        q = self._configuration(position)
-        full = pinocchio.computeFrameJacobian(self.model, self.data, q, self.frame, pinocchio.LOCAL)
-        return np.reshape(full, (6, -1))[3:, self._moving]  # of one joint Pinocchio gives six numbers
+            if not joint.has_one_axis:
+                raise RunError(f"joint {quoted(joint.name)} of {Path(declared.urdf).name} has several axes")
+        links, frame = model.chain_to(link)
+        return cls(tuple(links), frame, tuple(names.index(recorded[joint]) for joint in joints), notes)
 
     def unwrapped(self, position: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         """Return positions without the jumps of angles that are recorded within one turn, and notes on them.
@@ -85,17 +91,14 @@ class Chain:
             position: of the recorded joints, (n, k).
         """
         continuous, notes = position.copy(), []
-        for number, k in self.joints:
+        for link, k in zip(self.links, self.columns, strict=True):
             angle = position[:, k]
-            if not self._turns(number) or np.ptp(angle) > ONE_TURN:
+            if link.joint.slides or np.ptp(angle) > ONE_TURN:
                 continue
             continuous[:, k] = np.unwrap(angle)
             if (continuous[:, k] != angle).any():
-                notes.append(f"the jumps of joint {quoted(self.model.names[number])} by a turn are taken out")
+                notes.append(f"the jumps of joint {quoted(link.joint.name)} by a turn are taken out")
         return continuous, tuple(notes)
-
-    def _turns(self, number: int) -> bool:
-        return bool(np.any(joint_axis(self.model, number, "the URDF")[3:]))
 
     def check_limits(self, position: np.ndarray, name: str) -> None:
         """Refuse positions far beyond the URDF's limits: their units are mixed up.
@@ -107,16 +110,13 @@ class Chain:
         Raises:
             RunError: so it is.
         """
-        for number, k in self.joints:
-            if self.model.joints[number].nq != 1:
-                continue
-            at = self.model.joints[number].idx_q
-            low, high = float(self.model.lowerPositionLimit[at]), float(self.model.upperPositionLimit[at])
+        for link, k in zip(self.links, self.columns, strict=True):
+            low, high = link.joint.range
             reached = float(max(low - position[:, k].min(), position[:, k].max() - high))
             if np.isfinite(high - low) and high > low and reached > high - low:
                 least, most = position[:, k].min(), position[:, k].max()
                 raise RunError(
-                    f"joint {quoted(self.model.names[number])} of {name} goes from {least:.4g} to {most:.4g}, far "
+                    f"joint {quoted(link.joint.name)} of {name} goes from {least:.4g} to {most:.4g}, far "
                     f"beyond its limits in the URDF, {low:.4g} to {high:.4g}: record positions in rad or m"
                 )
 
@@ -132,7 +132,7 @@ class Chain:
         Raises:
             RunError: so it is.
         """
-        columns, steps = [k for _, k in self.joints], np.diff(t)
+        columns, steps = list(self.columns), np.diff(t)
         near = steps <= GAP * np.median(steps)
         travelled = np.diff(position[:, columns], axis=0)[near]
         integrated = (0.5 * (velocity[1:] + velocity[:-1])[:, columns] * steps[:, None])[near]
@@ -144,16 +144,10 @@ class Chain:
                 "rad/s, of the same joints, or remove the velocities"
             )
 
-    def angular_velocity(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Return the frame's angular velocity in its own axes [rad/s], (n, 3), of recorded joints (n, k)."""
-        columns = [k for _, k in self.joints]
-        rows = zip(position, velocity[:, columns], strict=True)
-        return np.array([self.jacobian(at) @ speed for at, speed in rows]).reshape(-1, 3)
-
-    def specific_force(
+    def motion(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, gravity: np.ndarray
-    ) -> np.ndarray:
-        """Return what an accelerometer at the frame's origin reads, in the frame's own axes [m/s²], (n, 3).
+    ) -> FrameMotion:
+        """Return the frame's angular velocity and what an accelerometer at its origin reads.
 
         Args:
             position: of the recorded joints, (n, k).
@@ -161,53 +155,48 @@ class Chain:
             acceleration: the same.
             gravity: along the axes of the base, which rests [m/s²].
         """
-        import pinocchio
+        omega = alpha = np.zeros((len(position), 3))
+        force = np.tile(-gravity, (len(position), 1))
+        for number, (turn, at) in enumerate(self._poses(position)):
+            force = force + acceleration_at(at, omega, alpha)
+            omega, alpha, force = (np.einsum("...ji,...j->...i", turn, vector) for vector in (omega, alpha, force))
+            if number < len(self.links):
+                axis, k = self.links[number].axis, self.columns[number]
+                along, rate = acceleration[:, k, None] * axis, velocity[:, k, None]
+                if self.links[number].joint.slides:
+                    force = force + along + 2 * rate * np.cross(omega, axis)
+                else:
+                    alpha, omega = alpha + along + rate * np.cross(omega, axis), omega + rate * axis
+        return FrameMotion(omega, force)
 
-        columns, readings = [k for _, k in self.joints], np.empty((len(position), 3))
-        speed, slope = np.zeros((2, self.model.nv))
-        for k in range(len(position)):
-            speed[self._moving], slope[self._moving] = velocity[k, columns], acceleration[k, columns]
-            pinocchio.forwardKinematics(self.model, self.data, self._configuration(position[k]), speed, slope)
-            pinocchio.updateFramePlacement(self.model, self.data, self.frame)
-            frame_arguments = self.model, self.data, self.frame, pinocchio.LOCAL
-            turn = self.data.oMf[self.frame].rotation
-            readings[k] = pinocchio.getFrameClassicalAcceleration(*frame_arguments).linear - turn.T @ gravity
-        return readings
+    def angular_velocity(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Return the frame's angular velocity in its own axes [rad/s], (n, 3), of recorded joints (n, k)."""
+        return self.motion(position, velocity, np.zeros_like(position), np.zeros(3)).omega
 
     def attitude(self, position: np.ndarray) -> np.ndarray:
         """Return the rotations from the frame's axes to the base's, (n, 3, 3), at recorded positions (n, k)."""
-        import pinocchio
-
-        turns = np.empty((len(position), 3, 3))
-        for k in range(len(position)):
-            pinocchio.forwardKinematics(self.model, self.data, self._configuration(position[k]))
-            turns[k] = pinocchio.updateFramePlacement(self.model, self.data, self.frame).rotation
+        turns = np.tile(np.eye(3), (len(position), 1, 1))
+        for turn, _ in self._poses(position):
+            turns = turns @ turn
         return turns
 
     def spread(self, position: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the frame's angular noise on each axis, root mean square, of the joints' own noise (k,)."""
-        joint_sigma = sigma[[k for _, k in self.joints]]
-        step = max(len(position) // 200, 1)
-        squares = [self.jacobian(at) ** 2 @ joint_sigma**2 for at in position[::step]]
-        return np.sqrt(np.mean(squares, axis=0))
+        some = position[:: max(len(position) // 200, 1)]
+        rates = np.zeros((len(self.columns), *some.shape))
+        rates[range(len(self.columns)), :, self.columns] = sigma[list(self.columns), None]
+        squares = (self.angular_velocity(some, rate) ** 2 for rate in rates)
+        return np.sqrt(np.mean(sum(squares, np.zeros((len(some), 3))), axis=0))
 
-    @property
-    def _moving(self) -> list[int]:
-        """Return the indices of the model's speeds that belong to the joints that move the frame."""
-        return [self.model.joints[number].idx_v for number, _ in self.joints]
-
-    def _configuration(self, position: np.ndarray) -> np.ndarray:
-        """The model's configuration at recorded positions (k,)."""
-        import pinocchio
-
-        q = pinocchio.neutral(self.model)
-        for number, k in self.joints:
-            at = self.model.joints[number].idx_q
-            if self.model.joints[number].nq == 2:  # a continuous joint, which Pinocchio keeps as cosine and sine
-                q[at], q[at + 1] = np.cos(position[k]), np.sin(position[k])
+    def _poses(self, position: np.ndarray) -> Iterator[Pose]:
+        """Yield the pose of each link in the one before, then of the frame, at recorded positions (n, k)."""
+        for link, k in zip(self.links, self.columns, strict=True):
+            along = position[:, k, None] * link.axis
+            if link.joint.slides:
+                yield link.rotation, link.position + along @ link.rotation.T
             else:
-                q[at] = position[k]
-        return np.asarray(q)
+                yield link.rotation @ exponentials(along), link.position
+        yield self.frame
 
 
 def _recorded_names(joints: list[str], names: tuple[str, ...]) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy
 
 from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.held_samples import repeats, saturated
@@ -18,11 +19,12 @@ from identify.signals.resample import UNEQUAL, interpolate, interval
 from identify.signals.run import Run, RunError, refuse_excess
 from rig import channels
 from rig.bags.marks import Notes, read_marks
+from rig.inspection.channel_health import channel_columns, dead_axes, dead_channel
 from rig.runs import read_any
 from uq.experiment.recording_table import RecordingTable
-from uq.runs.recorded.angular_velocity import motion
+from uq.runs.recorded.angular_velocity import RecordedAttitude, motion
 from uq.runs.recorded.declared_channels import DeclaredConventions, declared
-from uq.runs.recorded.message_times import check_overlap, in_order, instants
+from uq.runs.recorded.message_times import check_overlap, in_order, instants, steadily_stamped, with_accelerometer
 from uq.runs.recorded.time_window import on_clock
 
 
@@ -69,7 +71,9 @@ def load(
     Raises:
         RigError, RunError: see :func:`load_run`.
     """
-    bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
+    bag = read_any(
+        path, wrench=recording.wrench_topic, motion=recording.motion_topic, accelerometer=recording.accelerometer_topic
+    )
     ours = "log_time" in bag.metadata.get("rig.run", {})
     return of_channels(bag, recording, read_marks(path) if marks or ours else Notes((), ()), gravity=gravity, band=band)
 
@@ -99,24 +103,38 @@ def of_channels(
     read = len(bag.wrench.stamp) + len(bag.motion.stamp)
     bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
     lost = read - len(bag.wrench.stamp) - len(bag.motion.stamp)
+    if dead := _dead_channels(bag.wrench):
+        raise RunError(f"{bag.path.name}: {dead[0]}")
+    dead = _dead_channels(bag.motion) if isinstance(bag.motion, channels.ImuChannel) else []
     if recording.quaternion is not None and bag.motion.orientation is not None:
         motion_read = replace(bag.motion, orientation=bag.motion.orientation @ recording.quaternion)
         bag = replace(bag, motion=motion_read)
     bag, reordered = in_order(bag, recording.time)
+    bag, steady = steadily_stamped(bag, recording)
+    bag, joined = with_accelerometer(bag, recording.time)
+    reordered += (*steady, *joined)
     pair = bag.wrench, bag.motion
     times, time_notes = instants(pair, recording.time)
     check_overlap(pair, times, bag.path.name)
     early = channels.stamps_early(*pair) if times[0] is bag.wrench.stamp else 0.0
     source = motion(bag, recording, times[1], gravity=gravity, band=band)
-    if recording.accelerometer_delay and not (source.imu is bag.motion and bag.imu.linear_acceleration.any()):
-        raise RunError(
-            f"recording.accelerometer_delay is declared, and {bag.motion.topic} in {bag.path.name} holds no "
-            "accelerometer's specific force: remove it"
-        )
+    for key, stated in (
+        ("accelerometer_delay", recording.accelerometer_delay),
+        ("accelerometer_at_rest", recording.accelerometer_at_rest == "zero"),
+    ):
+        if stated and not (source.imu is bag.motion and bag.imu.linear_acceleration.any()):
+            raise RunError(
+                f"recording.{key} is declared, and {bag.motion.topic} in {bag.path.name} holds no accelerometer's "
+                "specific force: remove it"
+            )
     if source.imu is not bag.motion:
         bag = replace(bag, motion=source.imu)
         times, _ = instants((bag.wrench, bag.imu), recording.time)
-    rig = declared(bag, recording)
+    rig, at_rest = declared(bag, recording), source.gravity
+    if rig.gravity_removed:
+        at_rest = recording.gravity_of_poses(gravity)
+        bag, unused = _with_gravity(bag, rig, source.attitude, times[1], at_rest)
+        reordered += unused
     start = min(int(times[0][0]), int(times[1][0])) if start is None else start
     seconds = [(stamp - start) * 1e-9 for stamp in times]
     attitude = None if source.attitude is None else source.attitude.of_body(rig.imu_rotation)
@@ -134,10 +152,10 @@ def of_channels(
         run=replace(
             run,
             attitude=None if attitude is None else attitude.at(start + np.round(run.t * 1e9).astype(np.int64)),
-            gravity=source.gravity,
+            gravity=None if attitude is None else at_rest,
             stamps_early=early,
             zero_at_rest=recording.zero_frame == "base",
-            warnings=(*run.warnings, *source.warnings, *time_notes),
+            warnings=(*run.warnings, *source.warnings, *time_notes, *dead),
             noise=None if source.noise is None else source.noise.turned(rig.imu_rotation),
             about=about(bag.metadata, bag.wrench.log_time),
         ),
@@ -145,6 +163,50 @@ def of_channels(
         assumptions=(*rig.assumptions, *source.notes, *reordered),
         rig=rig,
     )
+
+
+def _dead_channels(channel: channels.WrenchChannel | channels.ImuChannel) -> list[str]:
+    """Return what is said of components that never change while others of their vector do."""
+    return [
+        f"{channel.topic}: {dead_channel(name, int(axis), values)}"
+        for name, values in channel_columns(channel).items() for axis in dead_axes(values)
+    ]  # fmt: skip
+
+
+LEAST_GRAVITY = 5.0
+"""Mean specific force along axes at rest from which there is gravity in it [m/s²]."""
+LEAST_SECONDS = 2.0
+"""Seconds over which it is averaged: a shorter motion may be as fast."""
+
+
+def _with_gravity(
+    bag: channels.Recording, rig: DeclaredConventions, attitude: RecordedAttitude | None, instants: np.ndarray,
+    gravity: np.ndarray,
+) -> tuple[channels.Recording, tuple[str, ...]]:  # fmt: skip
+    """Put back the gravity that was taken out of the accelerometer's readings, by the attitude of its sensor.
+
+    Without an attitude the readings become zero, which is no accelerometer, and an assumption says so.
+
+    Raises:
+        RunError: gravity is in them.
+    """
+    imu, scale, name = bag.imu, rig.scales["acceleration"], bag.path.name
+    if attitude is None:
+        unused = (
+            f"the acceleration of {imu.topic} in {name} holds no gravity, and nothing tells the attitude that puts it "
+            "back: it is not used, and the mass is not determined; record the quaternion, too, or the accelerometer as "
+            "it reads"
+        )
+        return replace(bag, motion=replace(imu, linear_acceleration=np.zeros_like(imu.linear_acceleration))), (unused,)
+    to_rest = attitude.at(instants)
+    mean = scale * np.einsum("nij,nj->ni", to_rest, imu.linear_acceleration).mean(axis=0)
+    if np.linalg.norm(mean) > LEAST_GRAVITY and instants[-1] - instants[0] > LEAST_SECONDS * 1e9:
+        raise RunError(
+            f"accelerometer_at_rest is zero, and the acceleration of {imu.topic} in {name} holds gravity "
+            f"({np.linalg.norm(mean):.3g} m/s^2 on average, along axes at rest): remove accelerometer_at_rest"
+        )
+    specific = imu.linear_acceleration - np.einsum("nji,j->ni", to_rest, gravity) / scale
+    return replace(bag, motion=replace(imu, linear_acceleration=specific)), ()
 
 
 NOT_MEASURED = ("linear_acceleration", "orientation", "angular_velocity", "position")
@@ -193,14 +255,15 @@ class _Channels:
             refuse_excess(signal, values, bag.path.name)
         if (raw[0] == raw[0][0]).all():
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
-        self.wrench = np.hstack(rig.wrench(wrench, turning))
         self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
         )
         self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
-        self.wrench, self.motion = self.wrench[usable[0]], self.motion[usable[1]]
+        turning = None if turning is None else turning[usable[0]]
+        self.wrench = np.hstack(rig.wrench(unfiltered(wrench.taken(usable[0]), self.t_wrench, rig), turning))
+        self.motion = self.motion[usable[1]]
         if rig.accelerometer_delay and len(self.t_imu) > 1 and (np.diff(self.t_imu) > 0).all():
             self._advance(rig.accelerometer_delay)
 
@@ -249,6 +312,21 @@ class _Channels:
             imu_position=self.rig.imu_position,
             mounting=self.bag.metadata.get("rig.run", {}).get("mounting") or None,
         )
+
+
+def unfiltered(channel: channels.WrenchChannel, t: np.ndarray, rig: DeclaredConventions) -> channels.WrenchChannel:
+    """Return a wrench before the low-pass of first order through which it went, by its slope.
+
+    Args:
+        channel: of the load cell.
+        t: its instants [s]; where they do not increase, the run says so later.
+        rig: what is declared of the filter.
+    """
+    if not rig.wrench_time_constant or len(t) < 4 or not (np.diff(t) > 0).all():
+        return channel
+    values = np.hstack([channel.force, channel.moment])
+    before = values + rig.wrench_time_constant * scipy.interpolate.make_interp_spline(t, values).derivative()(t)
+    return replace(channel, force=before[:, :3], moment=before[:, 3:])
 
 
 def _check_rates(channels: _Channels, band: float | None) -> None:

@@ -19,7 +19,7 @@ from uq.experiment.recording_table import RecordingTable
 from uq.files.provenance import plain_values, provenance
 from uq.runs.recorded.declared_channels import declared
 from uq.runs.recorded.load_run import finite_samples
-from uq.runs.recorded.message_times import in_order, instants
+from uq.runs.recorded.message_times import in_order, instants, steadily_stamped
 from uq.sources.kinds.coloured import UNITS
 from uq.sources.source import SIGNAL_UNITS
 
@@ -157,7 +157,7 @@ def still_noise(path: str | Path, recording: RecordingTable | None = None) -> St
     recording = recording or RecordingTable()
     bag = read_any(path, wrench=recording.wrench_topic, motion=recording.motion_topic)
     bag = replace(bag, wrench=finite_samples(bag.wrench), motion=finite_samples(bag.motion))
-    bag, _ = in_order(bag, recording.time)
+    bag, _ = steadily_stamped(in_order(bag, recording.time)[0], recording)
     for targets, read in zip(SENSORS, _raw(bag.wrench, bag.imu), strict=True):
         refuse_excess(" and ".join(targets), read, bag.path.name)
     stamps, notes = instants((bag.wrench, bag.imu), recording.time)

@@ -1,19 +1,23 @@
-"""A robot's description, URDF, read by the optional package Pinocchio."""
+"""A robot's description, URDF: its links, its joints and the chain of joints that moves a frame.
 
-import contextlib
-import os
-import sys
+As ROS reads it: a joint's frame is its child link's, so that both names stand for one frame; angles ``rpy`` are about
+the parent's fixed axes; a joint without end (``continuous``) has no range; ``mimic`` makes no joint another kind.
+"""
+
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
 import scipy
+from jaxtyping import Float
 
-from rig.exceptions import RigError, listed, on_one_line, quoted, reason
+from rig.exceptions import listed, on_one_line, quoted, reason
 from rig.read_limits import require_file
 from uq.experiment.arm_table import Written
 from uq.files.mistakes import ExperimentError
@@ -21,8 +25,8 @@ from uq.files.mistakes import ExperimentError
 LARGEST = 2**24
 """Bytes of a URDF."""
 MOST_LINKS, DEEPEST = 1000, 100
-"""Links of a robot, and links one behind the other: libraries follow them by recursion, which ends in a crash of the
-process at some thousands, and their time grows with the square. Humanoids with hands have some 150 and 40."""
+"""Links of a robot, and links one behind the other: MuJoCo follows them by recursion, which ends in a crash of the
+process at some thousands, and its time grows with the square. Humanoids with hands have some 150 and 40."""
 NONE_FIXED: Mapping[str, Written] = MappingProxyType({})
 MOST_NESTED = 100
 """Elements of XML inside one another; a URDF has some ten."""
@@ -161,92 +165,242 @@ def _fix(joint: ElementTree.Element, position: float) -> None:
     ElementTree.SubElement(joint, "origin", {key: " ".join(map(repr, map(float, pose[key]))) for key in pose})
 
 
-def urdf_model(urdf: str, key: str, what: str, fixed: Mapping[str, Written] = NONE_FIXED) -> Any:
-    """Return Pinocchio's model of a URDF.
+class UrdfJoint(NamedTuple):
+    """A joint of a URDF; the frame of its child link is its own."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    rotation: Float[np.ndarray, "3 3"]
+    """Rotation at zero: takes components in the joint's frame to those in the parent link's."""
+    position: Float[np.ndarray, "3"]
+    """Position of the joint's frame in the parent link's [m]."""
+    along: Float[np.ndarray, "3"]
+    """Axis as it is written, in the joint's frame."""
+    range: tuple[float, float]
+    """Lowest and highest position [rad or m]; zeros where none is stated, infinite where the joint has no end."""
+    speed: float
+    """Largest speed [rad/s or m/s]; zero where none is stated."""
+    effort: float
+    """Largest effort [N·m or N]; zero where none is stated."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is no fixed joint."""
+        return self.kind != "fixed"
+
+    @property
+    def slides(self) -> bool:
+        """Whether it slides along its axis; else it turns."""
+        return self.kind == "prismatic"
+
+    @property
+    def has_one_axis(self) -> bool:
+        """Whether it turns about one axis, or slides along it."""
+        return self.kind in ("revolute", "continuous", "prismatic")
+
+
+class UrdfLink(NamedTuple):
+    """A link's inertia; zeros where the URDF states none."""
+
+    mass: float
+    r_cg: Float[np.ndarray, "3"]
+    """Centre of gravity in the link's frame [m]."""
+    inertia: Float[np.ndarray, "3 3"]
+    """Tensor about the centre of gravity, in the link's axes [kg·m²]."""
+
+
+class MovedLink(NamedTuple):
+    """A link that a joint moves, in a chain of such."""
+
+    joint: UrdfJoint
+    rotation: Float[np.ndarray, "3 3"]
+    """Rotation of the joint's frame at zero: takes components in it to those in the frame of the preceding link."""
+    position: Float[np.ndarray, "3"]
+    """Position of the joint from the preceding one, in the frame of the preceding link [m]."""
+    axis: Float[np.ndarray, "3"]
+    """Unit vector along the joint's axis, in its frame."""
+
+
+Pose = tuple[np.ndarray, np.ndarray]
+"""Rotation and position of a frame in another one."""
+AT_BASE: Pose = np.eye(3), np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfModel:
+    """Links and joints of a URDF, which make one tree."""
+
+    urdf: str
+    links: Mapping[str, UrdfLink]
+    joints: Mapping[str, UrdfJoint]
+    """Joints by their child link."""
+
+    def link_of(self, frame: str, key: str) -> str:
+        """Return the link of a frame, which is called by its link or by the joint that moves it.
+
+        Raises:
+            ExperimentError: there is no such frame; ``key`` names it.
+        """
+        by_joint = {joint.name: child for child, joint in self.joints.items()}
+        link = frame if frame in self.links else by_joint.get(frame)
+        if link is None:
+            raise ExperimentError(f"unknown frame {quoted(frame)} at {key}: {self.urdf} has {listed(self.links)}")
+        return link
+
+    def joints_to(self, link: str) -> list[UrdfJoint]:
+        """Return the joints from the base to a link, the fixed ones too."""
+        joints: list[UrdfJoint] = []
+        while link in self.joints:
+            joints.append(self.joints[link])
+            link = joints[-1].parent
+        return joints[::-1]
+
+    def chain_to(self, link: str) -> tuple[list[MovedLink], Pose]:
+        """Return the links that move a link, from the base, and the link's pose in the last of them.
+
+        Raises:
+            ExperimentError: a joint has an axis without direction.
+        """
+        pose, chain = AT_BASE, []
+        for joint in self.joints_to(link):
+            pose = _placed(pose, joint)
+            if joint.moves:
+                chain.append(MovedLink(joint, *pose, self._axis(joint)))
+                pose = AT_BASE
+        return chain, pose
+
+    def carried_by(self, link: str) -> UrdfLink:
+        """Return the inertia of a link with all that is fixed to it, in its frame."""
+        return _sum(list(self._fixed_to(link)))
+
+    def _fixed_to(self, link: str) -> Iterator[UrdfLink]:
+        """Yield a link and all that is fixed to it, in its frame."""
+        fixed = [(link, AT_BASE)]
+        while fixed:
+            name, (turn, place) = fixed.pop()
+            mass, r_cg, inertia = self.links[name]
+            yield UrdfLink(mass, place + turn @ r_cg, turn @ inertia @ turn.T)
+            below = (joint for joint in self.joints.values() if joint.parent == name and not joint.moves)
+            fixed += [(joint.child, _placed((turn, place), joint)) for joint in below]
+
+    def _axis(self, joint: UrdfJoint) -> np.ndarray:
+        """The unit vector of an axis, refused where it is of zeros or of numbers whose squares have no end."""
+        with np.errstate(over="ignore"):
+            length = float(np.linalg.norm(joint.along))
+        if not 0 < length < np.inf:
+            raise ExperimentError(
+                f"no direction in the axis of joint {quoted(joint.name)} of {Path(self.urdf).name}: "
+                'correct it, such as xyz="0 0 1"'
+            )
+        return joint.along / length
+
+
+def _placed(pose: Pose, joint: UrdfJoint) -> Pose:
+    """The pose of a joint at zero whose parent link has this one."""
+    turn, place = pose
+    return turn @ joint.rotation, place + turn @ joint.position
+
+
+def _sum(links: list[UrdfLink]) -> UrdfLink:
+    """Several links of one frame as one, by the parallel-axis theorem."""
+    mass = sum(link.mass for link in links)
+    if mass == 0:
+        return UrdfLink(0.0, np.zeros(3), np.sum([link.inertia for link in links], axis=0))
+    r_cg = np.sum([link.mass * link.r_cg for link in links], axis=0) / mass
+    shifts = [link.r_cg - r_cg for link in links]
+    parts = [
+        link.inertia + link.mass * (at @ at * np.eye(3) - np.outer(at, at))
+        for link, at in zip(links, shifts, strict=True)
+    ]
+    return UrdfLink(mass, r_cg, np.sum(parts, axis=0))
+
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+
+
+def urdf_model(urdf: str, key: str, fixed: Mapping[str, Written] = NONE_FIXED) -> UrdfModel:
+    """Read a URDF.
 
     Args:
         urdf: its path.
         key: which key of the experiment names it.
-        what: what needs it, in the plural.
         fixed: positions of joints that are to be fixed, by their names.
 
     Raises:
         ExperimentError: there is no such file or joint, or it is no URDF.
-        RigError: Pinocchio is not installed.
     """
+    robot = urdf_robot(urdf, key, fixed)
     try:
-        import pinocchio
-    except ImportError:
-        extra = "arm" if what == "arms" else "urdf"
-        raise RigError(f"{what} need Pinocchio: `pip install inertia-uq[{extra}]` installs it") from None
-    text = _with_limits(urdf_robot(urdf, key, fixed))
+        if robot.tag != "robot":
+            raise ValueError(f"its element is <{robot.tag}>, not <robot>")
+        links = {link.get("name", ""): _link(link) for link in robot.findall("link")}
+        joints = [_joint(joint) for joint in robot.findall("joint")]
+        _check_tree(robot, links, joints)
+    except ValueError as error:
+        raise ExperimentError(f"no URDF {urdf} at {key} ({error}): correct it") from None
+    return UrdfModel(urdf, links, {joint.child: joint for joint in joints})
+
+
+def _numbers(element: ElementTree.Element | None, key: str, default: str, of: str, count: int = 1) -> np.ndarray:
+    """The numbers of an attribute, refused with what they belong to unless there are so many and all are finite."""
+    text = default if element is None else element.get(key, default)
     try:
-        with silence():
-            model = pinocchio.buildModelFromXML(text)
-        _ = list(model.names), [frame.name for frame in model.frames]
-    except (ValueError, RuntimeError) as error:
-        raise _no_urdf(urdf, key, error) from None
-    return model
+        values = np.array(text.split(), float)
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise ValueError(f"{key}={quoted(text)} of {of}")
+    return values
 
 
-def _with_limits(robot: ElementTree.Element) -> str:
-    """Return the text of a robot, where each joint without <limit> has one that limits nothing, as Pinocchio needs it.
-
-    Zeros stand for no range, as a missing ``lower`` and ``upper`` do.
-    """
-    without = [
-        joint for joint in robot.findall("joint")
-        if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
-    ]  # fmt: skip
-    for joint in without:
-        ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
-    return ElementTree.tostring(robot, "unicode")
+def _origin(element: ElementTree.Element, of: str) -> Pose:
+    origin = element.find("origin")
+    angles, place = (_numbers(origin, key, "0 0 0", of, 3) for key in ("rpy", "xyz"))
+    return scipy.spatial.transform.Rotation.from_euler("xyz", angles).as_matrix(), place
 
 
-def frame_number(model: Any, frame: str, urdf: str, key: str) -> int:
-    """Return the number of a frame of a model.
-
-    Raises:
-        ExperimentError: there is no such frame.
-    """
-    if not model.existFrame(frame):
-        frames = listed(other.name for other in model.frames if other.name != "universe")
-        raise ExperimentError(f"unknown frame {quoted(frame)} at {key}: {urdf} has {frames}")
-    return int(model.getFrameId(frame))
-
-
-def joint_axis(model: Any, number: int, urdf: str) -> np.ndarray:
-    """Return the axis of a joint in its frame: linear, then angular, (6,); one of the two is a unit vector.
-
-    Raises:
-        ExperimentError: it has no direction: of zeros or of huge numbers, the library makes none.
-    """
-    joint = model.joints[number]
-    data = joint.createData()
-    joint.calc(data, np.array([1.0, 0.0][: joint.nq]), np.zeros(1))
-    axis = np.asarray(data.S, float).ravel()
-    if not abs(float(np.linalg.norm(axis)) - 1.0) < 1e-9:
-        raise ExperimentError(
-            f"no direction in the axis of joint {quoted(model.names[number])} of {Path(urdf).name}: "
-            'correct it, such as xyz="0 0 1"'
-        )
-    return axis
+def _link(element: ElementTree.Element) -> UrdfLink:
+    inertial, of = element.find("inertial"), f"link {quoted(element.get('name', ''))}"
+    if inertial is None:
+        return UrdfLink(0.0, np.zeros(3), np.zeros((3, 3)))
+    turn, r_cg = _origin(inertial, of)
+    tensor = inertial.find("inertia")
+    values = {key: _numbers(tensor, key, "0", of)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    rows = [[values["i" + min(a + b, b + a)] for b in "xyz"] for a in "xyz"]
+    return UrdfLink(float(_numbers(inertial.find("mass"), "value", "0", of)[0]), r_cg, turn @ np.array(rows) @ turn.T)
 
 
-@contextlib.contextmanager
-def silence() -> Iterator[None]:
-    """Keep what a C++ library writes from standard error: what it raises is said."""
-    sys.stderr.flush()
-    try:
-        before = os.dup(2)
-    except OSError:  # it is closed
-        yield
-        return
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 2)
-    os.close(nothing)
-    try:
-        yield
-    finally:
-        os.dup2(before, 2)
-        os.close(before)
+def _joint(element: ElementTree.Element) -> UrdfJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    of, limit = f"joint {quoted(name)}", element.find("limit")
+    if kind not in KINDS:
+        raise ValueError(f"type={quoted(kind)} of {of}")
+    ends = (element.find(end) for end in ("parent", "child"))
+    parent, child = ("" if end is None else end.get("link", "") for end in ends)
+    rotation, position = _origin(element, of)
+    low, high, speed, effort = (
+        float(_numbers(limit, key, "0", of)[0]) for key in ("lower", "upper", "velocity", "effort")
+    )
+    return UrdfJoint(
+        name=name, kind=kind, parent=parent, child=child, rotation=rotation, position=position,
+        along=_numbers(element.find("axis"), "xyz", "1 0 0", of, 3), speed=speed, effort=effort,
+        range=(-math.inf, math.inf) if kind == "continuous" else (low, high),
+    )  # fmt: skip
+
+
+def _check_tree(robot: ElementTree.Element, links: Mapping[str, UrdfLink], joints: list[UrdfJoint]) -> None:
+    """Refuse names that are missing or stand for two, joints between links that are not there, and several bases."""
+    for kind in ("link", "joint"):
+        names = [element.get("name", "") for element in robot.findall(kind)]
+        twice = next((name for k, name in enumerate(names) if not name or name in names[:k]), None)
+        if twice is not None:
+            raise ValueError(f"two are named {kind} {quoted(twice)}" if twice else f"a {kind} has no name")
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ValueError(f"joint {quoted(joint.name)} is of link {quoted(link)}, which is not there")
+    bases = [link for link in links if link not in {joint.child for joint in joints}]
+    if len(bases) != 1:
+        raise ValueError(f"joints must leave one base, but they leave {listed(bases) if bases else 'none'}")

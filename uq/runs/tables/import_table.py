@@ -44,7 +44,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     cell = next(table for table in tables if table.declared.force is not None)
     sensor = next(table for table in tables if table.declared.motion)
     conventions = _conventions(mapping, cell, sensor)
-    keys = dict.fromkeys((sensor.declared.motion, "acceleration", "quaternion"))
+    keys = dict.fromkeys((sensor.declared.motion, "acceleration", sensor.declared.attitude, "position"))
     signals = [key for key in keys if key in sensor.table.places]
     loads, motion = cell.samples(WRENCH), sensor.samples(signals)
     _check_overlap(cell, loads.stamp, sensor, motion.stamp)
@@ -77,6 +77,8 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
         "frames": json.dumps(frames),
         "units": json.dumps(UNITS),
     }
+    if mapping.recording.accelerometer_at_rest == "zero":
+        about["accelerometer_at_rest"] = "zero"
     write(output, wrench=wrench, imu=channel, metadata={"rig.run": about})
     count = f"{len(wrench.stamp):,} samples"
     if len(channel.stamp) != len(wrench.stamp):
@@ -117,11 +119,14 @@ def _motion(
             topic="/joint_states", frame_id="", log_time=stamp, stamp=stamp, type=JOINTS,
             names=tuple(sensor.declared.joints or ()), position=position,
         )  # fmt: skip
-    orientation = values["quaternion"][:, [1, 2, 3, 0]] if "quaternion" in values else None
+    attitude, name = sensor.declared.attitude, sensor.path.name
+    orientation = sensor.declared.quaternions(values[attitude], attitude, name) if attitude else None
+    origin = values["position"] * scale(sensor.declared.position_unit, "m") if "position" in values else None
     if MOTIONS[0] not in values:
         return MotionChannel(
-            topic="/pose", frame_id="world", log_time=stamp, stamp=stamp, type=POSE, orientation=orientation
-        )
+            topic="/pose", frame_id="world", log_time=stamp, stamp=stamp, type=POSE, orientation=orientation,
+            position=origin,
+        )  # fmt: skip
     return ImuChannel(
         topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=rates[0],
         linear_acceleration=rates[1], orientation=orientation,

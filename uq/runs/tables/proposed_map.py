@@ -1,15 +1,20 @@
 """A map that is proposed for a table: what its names, units and numbers suggest, every guess with its reason."""
 
 import re
+import tomllib
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from identify.judge.conventions.convention_fit import ImuSignal
+from identify.judge.conventions.imu_conventions import without_gravity
 from identify.signals.run import RunError
 from rig.atomic_files import replacing
+from rig.bags.topics import NEEDS_WRIST
 from rig.exceptions import RigError, listed, on_one_line
 from uq.experiment.recording_table import UNITS
 from uq.files.csv_columns import CsvTable, read_rows
@@ -29,8 +34,15 @@ AXES = {
 UNLIKELY = re.compile(r"angular_acc|setpoint|target|desired|command|bias|covariance")
 """Words of names that stand for something else."""
 QUATERNION = re.compile(r"(.*_)?(q|quat|quaternion|orientation)_?(?P<axis>[wxyz])")
+EULER = re.compile(r"(.*_)?(?P<axis>roll|pitch|yaw)(_?(deg|rad))?")
+ROTATION_VECTOR = re.compile(
+    r"(.*_)?(?:r(?:ot(?:ation)?)?(?:_?vec(?:tor)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[345]))"
+)
+POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<n>[012]))")
+SIX = re.compile(r"(.*_)?(ft_raw_wrench|tcp_force|wrench|ft)_?(?P<place>[0-5])")
+"""Wrenches of six numbered columns, as a robot's recorder names them."""
 JOINT = re.compile(r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(.*_)?(actual_q|joint|position|q)_?\[?\d\]?")
-TIME = re.compile(r"(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
+TIME = re.compile(r"zeit(_.*)?|(.*_)?(time|times|timestamp|stamp|t|x_value|elapsed|seconds|epoch)(_s|_ms|_us|_ns)?")
 COUNTER = re.compile(r"(.*_)?(packet_?counter|counter|sequence|seq)")
 RATE = re.compile(r"(?:rate|frequency)\D{1,20}?(\d+\.?\d*)", re.I)
 """Words of programs on the sample rate, above a table."""
@@ -48,6 +60,8 @@ EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
 """Least count since 1970 in each unit."""
 SLOWEST, FASTEST = 5.0, 20_000.0
 """Sample rates of load cells and IMUs [Hz]."""
+FARTHEST = 20.0
+"""Position that no arm reaches [m]: a larger number is in millimetres."""
 GRAVITY = 9.81
 TURNING = 20.0
 """Angular velocity that no rig of this kind reaches [rad/s]."""
@@ -105,7 +119,7 @@ def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
     signals_of_tables = {signal for table in tables for signal in table.signals}
     for signals, needed, cure in (
-        (WRENCH, "force and moment", "give the load cell's table as well"),
+        (WRENCH, "force and moment", f"give the load cell's table as well ({NEEDS_WRIST})"),
         (MOTIONS, "motion", "give the IMU's table as well"),
     ):
         if signals_of_tables.isdisjoint(signals):
@@ -159,9 +173,28 @@ class _Guess:
                 named = dict(zip("wxyz", columns, strict=True))
                 order = "" if self.layout.named else ", a guess: w last, which inertia inspect judges"
                 yield _line(signal, named, f"{self.why}{order}; from the body's frame to one at rest, z up")
+            elif signal in ("euler", "rotation_vector"):
+                yield _line(signal, columns, f"{self.why}; from the body's frame to one at rest, z up")
+                yield from self._angles(signal)
+            elif signal == "position":
+                yield _line(signal, columns, self.why)
+                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self.table.numbers(signal))))
+                why = "as the table states" if stated else f"a guess by their size, {largest:.4g} at most"
+                yield _line("position_unit", stated or ("mm" if largest > FARTHEST else "m"), why)
             else:
                 more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
                 yield _line(signal, columns, f"{self.why}{more}")
+
+    def _angles(self, signal: str) -> Iterator[str]:
+        """Return the lines of what angles mean."""
+        values = self.table.numbers(signal)
+        named = "deg" if any(self.plain[place].endswith("deg") for place in self.signals[signal]) else ""
+        largest = float(np.nanmax(np.abs(values)))
+        unit = named or ("deg" if largest > 2 * np.pi else "rad")
+        if signal == "euler":
+            yield _line("euler_convention", "rpy", "a guess by their names; inertia inspect judges it by the weight")
+        yield _line("angle_unit", unit, "by its name" if named else f"a guess by their size, {largest:.4g} at most")
+        yield _line("takes", "sensor_to_level", "a guess; inertia inspect detects the other way")
 
     def units(self) -> Iterator[str]:
         """Return the lines of the units of the table's signals."""
@@ -177,12 +210,35 @@ class _Guess:
                 yield _line(key, stated, "as the table states")
             else:
                 yield _line(key, *self._guessed_unit(signal))
+        if self._without_gravity:
+            why = "read at rest: gravity was taken out, which a quaternion in the table puts back"
+            yield _line("accelerometer_at_rest", "zero", why)
+
+    @cached_property
+    def _without_gravity(self) -> bool:
+        """Whether the acceleration holds no gravity, by the gyro; not judged without numbers for times."""
+        import pandas as pd
+
+        if not {"acceleration", "angular_velocity"} <= self.signals.keys():
+            return False
+        lines = tomllib.loads("\n".join(self._time()))
+        if "time_unit" in lines:
+            cells = self.table.frame[self.written.index(lines["time"])]
+            time = pd.to_numeric(cells, errors="coerce").to_numpy(float) * scale(lines["time_unit"], "s")
+        elif "time" in lines or not lines["rate"].removesuffix(" Hz").replace(".", "").isdigit():
+            return False
+        else:
+            time = np.arange(len(self.table.frame)) / float(lines["rate"].removesuffix(" Hz"))
+        rows = np.column_stack([time, *(self.table.numbers(name) for name in ("angular_velocity", "acceleration"))])
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        rate = self.layout.unit(self.signals["angular_velocity"], "rad/s") or self._guessed_unit("angular_velocity")[0]
+        return without_gravity(ImuSignal(rows[:, 0], rows[:, 1:4] * scale(rate, "rad/s"), rows[:, 4:]))
 
     def _by_name(self) -> None:
         groups: dict[tuple[str, str], dict[str, int]] = {}
         for place, name in enumerate(self.plain):
             for signal, words in AXES.items():
-                match = re.fullmatch(rf"(?P<before>(?:.*_)?(?:{words}))_?(?P<axis>[xyz])", name)
+                match = re.fullmatch(rf"(?P<before>(?:.*_)?(?:{words}))_?(?P<axis>[xyz])(?:_\d+)?", name)
                 if match and not UNLIKELY.search(name):
                     groups.setdefault((signal, match["before"]), {}).setdefault(match["axis"], place)
                     break
@@ -192,7 +248,28 @@ class _Guess:
                     self.others.setdefault(signal, before)
                 else:
                     self.signals[signal] = [axes[axis] for axis in "xyz"]
+        for signal in [signal for signal in self.signals if self._constant(signal)]:
+            del self.signals[signal]  # nothing measures it
+        if self.signals.keys().isdisjoint(WRENCH) and len(six := self._matched(SIX, "place")) == 6:
+            self.signals |= {"force": six[:3], "moment": six[3:]}
         self._attitude()
+
+    def _constant(self, signal: str) -> bool:
+        """Whether columns that are named like a signal never change."""
+        try:
+            values = self.table.numbers(signal)
+        except RunError:
+            return False
+        values = values[np.isfinite(values).all(axis=1)]
+        return len(values) > 1 and not np.ptp(values, axis=0).any()
+
+    def _matched(self, pattern: re.Pattern[str], *groups: str) -> list[int]:
+        """Places of the columns whose names a pattern knows, in the order of what its group names."""
+        places: dict[str, int] = {}
+        for place, name in enumerate(self.plain):
+            if (match := pattern.fullmatch(name)) and not UNLIKELY.search(name):
+                places.setdefault(next(filter(None, map(match.group, groups))), place)
+        return [places[key] for key in sorted(places)]
 
     def _attitude(self) -> None:
         """A quaternion; where there is neither this nor a gyro, joints."""
@@ -201,6 +278,13 @@ class _Guess:
             self.signals.pop("acceleration", None)
         if set(components) == set("wxyz"):
             self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
+        elif len(angles := self._matched(EULER, "axis")) == 3:
+            self.signals["euler"] = [angles[1], angles[0], angles[2]]  # sorted: pitch, roll, yaw
+        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "n")) == 3:
+            self.signals["rotation_vector"] = vector
+        turned = self.signals.keys() & {"quaternion", "euler", "rotation_vector"}
+        if turned and "angular_velocity" not in self.signals and len(at := self._matched(POSITION, "axis", "n")) == 3:
+            self.signals["position"] = at
         if not self.signals.keys().isdisjoint(MOTIONS):
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
@@ -253,6 +337,8 @@ class _Guess:
             return UNITS[signal], "a guess: the table states none; inertia inspect detects a wrong one"
         values = self.table.numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+        if signal == "acceleration" and self._without_gravity:
+            return UNITS[signal], "a guess: without gravity nothing tells its unit"
         if signal == "acceleration":
             typical = float(np.median(sizes))
             units = ("m/s^2", "g", "mm/s^2", "mg_0")

@@ -5,20 +5,21 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from rig.toml_tables import TomlTable, WrongKeyError
+from uq.experiment.pose_table import ROTATIONS, AttitudeColumns
 from uq.experiment.recording_table import SensorConventions, unit_name
-from uq.files.csv_columns import ColumnsTable, QuaternionColumns
+from uq.files.csv_columns import QuaternionColumns
 from uq.files.document import in_file, read_document
 from uq.files.schema import Axes, declared_table, in_unit
 
 WRENCH = ("force", "moment")
-MOTIONS = ("angular_velocity", "quaternion", "joints")
+MOTIONS = ("angular_velocity", *ROTATIONS, "joints")
 """Signals that tell the motion."""
 
 
-class MapColumns(ColumnsTable, frozen=True, kw_only=True):
+class MapColumns(AttitudeColumns, frozen=True, kw_only=True):
     """``[columns]`` of a map: the columns of time, wrench and motion."""
 
-    SIGNALS = ("time", *WRENCH, *MOTIONS, "acceleration")
+    SIGNALS = ("time", *WRENCH, *MOTIONS, "position", "acceleration")
     time: str | None = None
     """The column of the time: numbers, or dates as text; or state ``rate``."""
     time_unit: Annotated[str, unit_name("s")] | None = None
@@ -36,6 +37,10 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
     quaternion: QuaternionColumns | None = None
     """The columns of a unit quaternion from the body's frame to one at rest whose z is up; alone, or beside an angular
     velocity of the same sensor."""
+    position: Axes[str] | None = None
+    """The columns of the body's position along axes at rest, beside an attitude: both tell the specific force."""
+    position_unit: Annotated[str, unit_name("m")] = "m"
+    """Name of the unit of ``position``."""
     joints: Mapping[str, str] | None = None
     """The column of each joint's position, by the joint's name in the URDF; without an angular velocity."""
     joint_unit: Annotated[str, unit_name("rad")] = "rad"
@@ -54,10 +59,20 @@ class MapColumns(ColumnsTable, frozen=True, kw_only=True):
             if getattr(self, signal) is not None and getattr(self, other) is None:
                 raise WrongKeyError(other, "add it")
         motions = [key for key in MOTIONS if getattr(self, key) is not None]
-        if len(motions) > 1 and motions != ["angular_velocity", "quaternion"]:
+        attitudes = [key for key in ROTATIONS if key in motions]
+        if len(motions) > 1 and (motions[0] != "angular_velocity" or motions[1:] != attitudes or len(attitudes) > 1):
             raise WrongKeyError("", f"describes the motion by {' and '.join(motions)}: name one of them")
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")
+        if self.position is not None and motions != attitudes:
+            raise WrongKeyError("position", "remove it, or the angular velocity", "belongs to an attitude alone")
+        if self.quaternion is None or self.angle_unit is not None:
+            self.check_rotation(next(iter(attitudes), None))
+
+    @property
+    def attitude(self) -> str:
+        """The signal that tells the attitude by a rotation; "": the table has none."""
+        return next((key for key in ROTATIONS if getattr(self, key) is not None), "")
 
     @property
     def motion(self) -> str:
@@ -93,6 +108,9 @@ class Map(TomlTable, frozen=True, kw_only=True):
                 raise WrongKeyError(f"columns.{signal}", "add it", "is missing")
             if count > 1:
                 raise WrongKeyError("second", f"name {' and '.join(keys)} for one of the tables", "repeats columns")
+
+        if self.recording.accelerometer_at_rest and all(part.acceleration is None for part in self.parts):
+            raise WrongKeyError("recording.accelerometer_at_rest", "remove it", "belongs to columns of acceleration")
 
     @property
     def parts(self) -> tuple[MapColumns, ...]:

@@ -13,6 +13,7 @@ from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
 from rig.exceptions import quoted
+from rig.record.device_clock import roundest
 from uq.experiment.recording_table import UNITS, RecordingTable
 from uq.files.csv_columns import CsvTable, read_columns
 from uq.files.mistakes import ExperimentError
@@ -33,6 +34,8 @@ COUNTS = re.compile(r"(Force|Torque) Units:\s*([^,\s]+)\s*,\s*Counts per Unit (?
 """Line of ATI's software above a table of counts: the unit, and how many counts it is."""
 ATI_TIME = "%m/%d/%Y %I:%M:%S.%f %p"
 """Times as that software writes them; without their form each would be parsed by itself, in a minute for a million."""
+DURATION = re.compile(r"\s*[-+]?[\d.]+\s*(days?|hours?|hr|min|sec|s|ms|us)\b")
+"""Beginning of a time since the start with its unit, as MATLAB and pandas write durations."""
 SIGNALS = {"Force": "force", "Torque": "moment"}
 
 
@@ -190,11 +193,7 @@ def rate_of_coarse(t: np.ndarray) -> float | None:
         return None
     tick, count = _resolution(t), len(t) - 1
     low, high = count / (t[-1] - t[0] + tick), count / max(t[-1] - t[0] - tick, tick)
-    for digits in range(1, 7):
-        rate = float(f"{count / (t[-1] - t[0]):.{digits - 1}e}")
-        if low <= rate <= high:
-            return rate
-    return None
+    return roundest(count / (t[-1] - t[0]), low, high)
 
 
 def _resolution(t: np.ndarray) -> float:
@@ -208,6 +207,10 @@ def _dates(cells: "pd.Series", name: str, first: int) -> "pd.Series":
     import pandas as pd
     from pandas.tseries.api import guess_datetime_format
 
+    if DURATION.match(str(cells.dropna().iloc[0])):
+        since = pd.to_timedelta(cells, errors="coerce")
+        if since.notna().sum() == cells.notna().sum():
+            return since.dt.as_unit("ns").astype("int64").where(since.notna())
     guess = guess_datetime_format(str(cells.dropna().iloc[0]))
     for form in filter(None, ("ISO8601", ATI_TIME, guess, "mixed")):
         try:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identify.judge.conventions import convention_fit
+from identify.judge.conventions.carried_attitude import RECALL, carried_gravity
 from identify.rigid_body.inertia import unpack
 from identify.rigid_body.regressor import PAIRS
 
@@ -39,8 +40,8 @@ def test_carried_gravity_stays_gravity_through_any_turn_and_forgets_a_wrong_read
         attitude = attitude * turn
         gravity[i] = attitude.apply([0, 0, 9.81], inverse=True)
     reading = np.where(time[:, None] < 0.5, [9.81, 0, 0], gravity)
-    carried = convention_fit.carried_gravity(step, omega, reading)
+    carried = carried_gravity(step, omega, reading)
     np.testing.assert_allclose(np.linalg.norm(carried, axis=1), 9.81, rtol=1e-9)
     miss = np.linalg.norm(carried - gravity, axis=1) / 9.81
-    assert miss[time > 0.5 + convention_fit.RECALL / 2].max() < 0.005  # half a step's turn is 0.003
+    assert miss[time > 0.5 + RECALL / 2].max() < 0.005  # half a step's turn is 0.003
     assert miss[0] > 0.02

@@ -1,4 +1,4 @@
-"""The arm's poses, motions and efforts against Pinocchio's, on a chain of random links with a prismatic joint."""
+"""The arm's poses, motions and efforts against MuJoCo's, on a chain of random links with a prismatic joint."""
 
 import jax
 import jax.numpy as jnp
@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from identify.motion.serial_arm.joint_series import JointSeries
 from identify.motion.serial_arm.serial_chain import SerialChain, driven, poses
-from identify.rigid_body.inertia import Body, unpack
+from identify.rigid_body.inertia import Body
 
-pin = pytest.importorskip("pinocchio")
+mujoco = pytest.importorskip("mujoco")
 
 PRISMATIC = (False, True, False, False)
 GRAVITY = 9.81
@@ -22,7 +22,8 @@ def chain():
     rng, n = np.random.default_rng(61), len(PRISMATIC)
     axis = rng.normal(size=(n, 3))
     root = rng.normal(size=(n, 3, 3)) * 0.1
-    tensors = np.einsum("nij,nkj->nik", root, root) + 0.01 * np.eye(3)
+    moments = np.einsum("nij,nkj->nik", root, root)  # second ones, so that the tensors are of bodies
+    tensors = np.trace(moments, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moments
     return SerialChain(
         Rotation.random(n, rng=rng).as_matrix(), rng.normal(size=(n, 3)), axis / np.linalg.norm(axis, axis=1)[:, None],
         Rotation.random(rng=rng).as_matrix(), rng.normal(size=3), rng.uniform(1, 4, n), 0.2 * rng.normal(size=(n, 3)),
@@ -30,41 +31,49 @@ def chain():
     )  # fmt: skip
 
 
+def quaternion(rotation):
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+
+
+def with_inertia(body, mass, r_cg, inertia):
+    body.explicitinertial, body.mass, body.ipos = True, float(mass), np.asarray(r_cg)
+    body.fullinertia = np.asarray(inertia)[[0, 3, 5, 1, 2, 4]]
+
+
 @pytest.fixture(scope="module")
 def model(chain):
-    """The same chain in Pinocchio, the body fixed to its tool."""
-    model, joint = pin.Model(), 0
+    """The same chain in MuJoCo, the body fixed to its tool, with sensors at Q."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0, 0, -GRAVITY]
+    link, kinds, sensors = spec.worldbody, mujoco.mjtJoint, mujoco.mjtSensor
     for k, slides in enumerate(PRISMATIC):
-        kind = pin.JointModelPrismaticUnaligned if slides else pin.JointModelRevoluteUnaligned
-        joint = model.addJoint(joint, kind(chain.axis[k]), pin.SE3(chain.rotation[k], chain.position[k]), f"j{k}")
-        tensor = np.array(unpack(chain.inertia[k]))
-        model.appendBodyToJoint(joint, pin.Inertia(chain.mass[k], chain.r_cg[k], tensor), pin.SE3.Identity())
-    tool = pin.SE3(chain.tool_rotation, chain.tool_position)
-    model.addFrame(pin.Frame("tool", joint, tool, pin.FrameType.OP_FRAME))
-    model.appendBodyToJoint(
-        joint, pin.Inertia(float(BODY.mass), BODY.r_cg_from_q, np.array(unpack(BODY.inertia))), tool
-    )
-    model.gravity.linear = np.array([0, 0, -GRAVITY])
-    return model
+        link = link.add_body(name=f"link_{k}", pos=chain.position[k], quat=quaternion(chain.rotation[k]))
+        link.add_joint(type=kinds.mjJNT_SLIDE if slides else kinds.mjJNT_HINGE, axis=chain.axis[k])
+        with_inertia(link, chain.mass[k], chain.r_cg[k], chain.inertia[k])
+    tool = link.add_body(name="tool", pos=chain.tool_position, quat=quaternion(chain.tool_rotation))
+    with_inertia(tool, *BODY)
+    tool.add_site(name="Q")
+    for kind in (sensors.mjSENS_GYRO, sensors.mjSENS_FRAMEANGACC, sensors.mjSENS_ACCELEROMETER):
+        spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="Q")
+    return spec.compile()
 
 
-def test_poses_motion_and_efforts_are_pinocchios(chain, model, generator):
+def test_poses_motion_and_efforts_are_mujocos(chain, model, generator):
     q, speed, acceleration = generator.normal(size=(3, 4))
-    data, frame = model.createData(), model.getFrameId("tool")
-    effort = pin.rnea(model, data, q, speed, acceleration)
-    pin.forwardKinematics(model, data, q, speed, acceleration)
-    pin.updateFramePlacements(model, data)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, speed, acceleration
+    mujoco.mj_inverse(model, data)
     at = poses(chain, jnp.asarray(q))
-    np.testing.assert_allclose(at.position[-1], data.oMf[frame].translation, atol=1e-12)
-    np.testing.assert_allclose(at.rotation[-1], data.oMf[frame].rotation, atol=1e-12)
-    np.testing.assert_allclose(at.position[2], data.oMi[3].translation, atol=1e-12)
+    turn = data.body("tool").xmat.reshape(3, 3)
+    np.testing.assert_allclose(at.position[-1], data.body("tool").xpos, atol=1e-12)
+    np.testing.assert_allclose(at.rotation[-1], turn, atol=1e-12)
+    np.testing.assert_allclose(at.position[2], data.body("link_2").xpos, atol=1e-12)
     ours = jax.jit(lambda *at: driven(chain, *at, BODY, GRAVITY))(q, speed, acceleration)
-    up = data.oMf[frame].rotation.T @ [0, 0, GRAVITY]
-    np.testing.assert_allclose(ours.tool.omega, pin.getFrameVelocity(model, data, frame, pin.LOCAL).angular, atol=1e-12)
-    classical = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL)
-    np.testing.assert_allclose(ours.tool.alpha, classical.angular, atol=1e-11)
-    np.testing.assert_allclose(ours.tool.specific_force, classical.linear + up, atol=1e-11)
-    np.testing.assert_allclose(ours.effort, effort, atol=1e-10)
+    omega, alpha, specific_force = data.sensordata.reshape(3, 3)
+    np.testing.assert_allclose(ours.tool.omega, omega, atol=1e-12)
+    np.testing.assert_allclose(ours.tool.alpha, turn.T @ alpha, atol=1e-11)
+    np.testing.assert_allclose(ours.tool.specific_force, specific_force, atol=1e-11)
+    np.testing.assert_allclose(ours.effort, data.qfrc_inverse, atol=1e-10)
 
 
 def test_the_motion_is_the_derivative_of_the_pose(chain):

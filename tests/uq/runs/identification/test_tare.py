@@ -1,6 +1,7 @@
 """A fixture taken off: whose coverage factor widens which part of the interval, what both have in common."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,14 +10,18 @@ from identify.exceptions import RunError
 from identify.identification import identify
 from identify.results.covariances import check_covariances
 from identify.results.ledger import Ledger, tensor_row
+from identify.rigid_body.inertia import pack
 from identify.rigid_body.inertial_parameters import InertialParameters
+from tests.helpers import posed_runs
 from tests.helpers.changed_result import changed, not_judged, typical, with_typical
 from tests.helpers.tare_lab import ALIGNMENT, BODY, FIXTURE, GRAVITY, SMOOTHED, WHOLE, experiment_of, measured
+from uq.files.mistakes import ExperimentError
 from uq.monte_carlo.campaign.simulation import simulate
 from uq.report.certificate.certificate import Certificate
 from uq.report.input_tables import input_table
 from uq.runs.identification import tare
-from uq.runs.identification.tare import tared
+from uq.runs.identification.identify_files import identify_files
+from uq.runs.identification.tare import tare_files, tared
 
 
 def half_width(result):
@@ -135,3 +140,36 @@ def test_what_nobody_declared_is_the_same_in_tare_and_body(by_joint):
     np.testing.assert_allclose(both.changes[:, 0], expected, atol=1e-9)
     np.testing.assert_allclose(alone.changes[5, 0], -1e-3, rtol=1e-9)
     assert tared(with_typical(loaded, None), empty).undeclared is None
+
+
+GRIPPER = (0.9, np.array([0.0, 0.0, 0.057]), np.diag([2.8e-3, 3.1e-3, 0.6e-3]))
+"""Mass, centre of gravity from Q and tensor about it of a gripper."""
+
+
+def with_gripper(run, *, empty):
+    """The wrench of a gripper, alone or beside the payload of a clean run on an arm."""
+    mass, r_cg, tensor = GRIPPER
+    alpha = np.gradient(run.omega, run.t, axis=0)
+    force = mass * (run.specific_force + np.cross(alpha, r_cg) + np.cross(run.omega, np.cross(run.omega, r_cg)))
+    moment = alpha @ tensor + np.cross(run.omega, run.omega @ tensor) + np.cross(r_cg, force)
+    other = (posed_runs.ZERO[:3], posed_runs.ZERO[3:]) if empty else (run.force, run.moment)
+    return replace(run, force=force + other[0], moment=moment + other[1])
+
+
+def test_a_gripper_is_taken_off_by_its_own_motion(tmp_path):
+    """By the method joint its mass and centre of gravity are those of its run, with their covariance."""
+    experiment = posed_runs.experiment(tmp_path, "imu", sigma_delay="0 s", sigma_rotation="0 deg")
+    experiment = replace(experiment, r_cg_from_q=None, sources=())
+    runs = [posed_runs.measured(seed, seconds=12.0, noise=0.1) for seed in (3, 4)]
+    paths = [
+        posed_runs.write(tmp_path / name, with_gripper(run, empty=empty), "imu", "mcap")
+        for name, run, empty in zip(("both", "gripper"), runs, (False, True), strict=True)
+    ]
+    both = identify_files(paths[0], experiment)
+    assert both.mass == pytest.approx(posed_runs.MASS + GRIPPER[0], abs=2e-3)
+    body = tare_files(both, [paths[1]], experiment)
+    assert abs(body.mass - posed_runs.MASS) < 4 * body.mass_uncertainty < 8e-3
+    np.testing.assert_allclose(body.r_cg, posed_runs.R_CG, atol=5e-4)
+    np.testing.assert_allclose(body.inertia, pack(posed_runs.TENSOR), atol=2e-4)
+    with pytest.raises(ExperimentError, match="or record accelerations and use the method joint"):
+        tare_files(both, [paths[1]], experiment, method="source")

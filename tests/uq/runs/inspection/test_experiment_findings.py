@@ -59,11 +59,11 @@ def test_the_cure_of_an_imported_run_is_in_its_map(run, short):
     assert "in [recording] of the map, on top of what it says, and import the table again" in text
 
 
-def test_of_an_imported_run_a_key_that_no_map_has_stays_in_the_experiment(run, short):
-    """A map refuses ``accelerometer_at_rest``; and of channels no line of [recording] is told at all."""
+def test_of_the_channels_of_an_imported_run_no_line_is_told(run, short):
+    """A map has ``accelerometer_at_rest``; of an order of channels no line of [recording] is told at all."""
     downwards = replace(run, specific_force=-run.specific_force, about={"imported": True})
     (text,) = convention_warnings(downwards, short)
-    assert text.endswith('set accelerometer_at_rest = "down" ("up" if that is already set) in [recording]')
+    assert 'set accelerometer_at_rest = "down" ("up" if that is already set) in [recording] of the map' in text
     swap = np.eye(3)[[1, 0, 2]]
     mirrored = replace(downwards, omega=run.omega @ swap, specific_force=run.specific_force @ swap)
     (text,) = convention_warnings(mirrored, short)

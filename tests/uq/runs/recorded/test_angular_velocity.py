@@ -7,7 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from identify.identification import identify
-from identify.signals.angular_velocity_from_attitude import angular_velocity, attitude_band, continuous, differentiator
+from identify.signals.angular_velocity_from_attitude import (
+    angular_velocity,
+    band_by_turning,
+    continuous,
+    differentiator,
+)
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.shaped_noise import ShapedNoise
@@ -126,8 +131,8 @@ def test_the_bias_from_noisy_poses_is_the_stated_one(experiment, simulated, gene
     for _ in range(40):
         noisy = attitude * Rotation.from_rotvec(1e-4 * generator.normal(size=(len(clean.t), 3)))
         quaternion = continuous(noisy.as_quat(), "test")
-        band = attitude_band(quaternion, clean.rate, experiment.estimators[0].band)
-        taps = differentiator(quaternion, clean.rate, "test", band=band)
+        turning = band_by_turning(quaternion, clean.rate)
+        taps = differentiator(quaternion, clean.rate, "test", band=experiment.estimators[0].band, by_turning=turning)
         omega, sigma = angular_velocity(quaternion, taps)
         inner = slice(len(taps), len(clean.t) - len(taps))
         run = Run(clean.t[inner], clean.force[inner], clean.moment[inner], omega)

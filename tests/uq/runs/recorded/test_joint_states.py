@@ -1,7 +1,7 @@
 """A robot arm in MuJoCo swings a payload: joint states, a URDF and a wrist sensor give the payload's tensor.
 
-MuJoCo computes the wrist's force and moment, and Pinocchio, from a URDF of the same arm, how the wrist turns: two
-libraries that know nothing of one another.
+MuJoCo computes the wrist's force and moment from its own description of the arm; how the wrist turns is computed from a
+URDF of the same arm.
 """
 
 import json
@@ -282,10 +282,3 @@ def test_a_revolute_joint_without_limits_is_read(tmp_path, swing):
     path = write(tmp_path / "bag", tuple(part[:500] for part in swing), velocities=False)
     limited, free = (load(path, experiment(tmp_path, robot).recording, band=6.0).run for robot in (None, text))
     np.testing.assert_array_equal(free.omega, limited.omega)
-
-
-def test_without_the_extra_its_name_is_told(tmp_path, swing, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
-    path = write(tmp_path / "bag", tuple(part[:100] for part in swing))
-    with pytest.raises(RigError, match=r"pip install inertia-uq\[urdf\]"):
-        load_run(path, experiment(tmp_path).recording)

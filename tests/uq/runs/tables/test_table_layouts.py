@@ -41,6 +41,11 @@ def layouts(v):
         "labview": table(plain, [*NAMES, "Comment"], delimiter="\t", decimal=",", above=labview),
         "excel": table(plain, delimiter=";", decimal=",", encoding="utf-8-sig"),
         "dates": table([[date, *row[1:]] for date, row in zip(DATES, plain, strict=True)]),
+        "durations": table([[f"{t:.6g} sec", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "days": table([[f"0 days 00:00:{t:09.6f}", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "numbered_sensor": table(plain, ["time", *(f"{name}_1" for name in NAMES[1:7]), *NAMES[7:]]),
+        "six_of_a_robot": table(plain, ["timestamp", *(f"ft_raw_wrench_{k}" for k in range(6)), *NAMES[7:]]),
+        "catman": table(plain, ["Zeit  1 - Standardmessrate [s]", *NAMES[1:]]),
         "latin1": table([[*row, 21.5] for row in plain], [*NAMES, "Temp °C"], encoding="latin-1"),
         "utf16": table(plain, delimiter="\t", encoding="utf-16")[:-1],  # its logger stopped within a character
         "epoch_ns": table([[1_750_000_000_000_000_123 + round(1e9 * t), *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
@@ -242,3 +247,27 @@ def test_the_files_of_a_run_are_named_in_it(tmp_path, values):
     (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
     about = runs.read(proposed(tmp_path, tmp_path / "t.csv")).metadata["rig.run"]
     assert json.loads(about["imported"])["file"] == "t.csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "way_on"),
+    [
+        ("x.tdms", b"TDSm\x0e\0\0\0", "npTDMS"), ("x.mf4", b"MDF     4.10", "asammdf"), ("x.dxd", b"DEWESOFT", "DEWESoft"),
+        ("x.mat", b"MATLAB 5.0 MAT-file", "columns of a CSV"), ("x.parquet", b"PAR1", "pandas"), ("x.ulg", b"ULog\1", "ulog2csv"),
+        ("x.xlsx", b"PK\3\4", "save its sheet as CSV"), ("t.csv.gz", b"\x1f\x8b\x08", "unpack it first"),
+    ],
+)  # fmt: skip
+def test_a_file_of_another_program_is_the_same_line_from_every_command(tmp_path, capsys, name, start, way_on):
+    (tmp_path / "e.toml").write_text('[recording]\nmethod = "joint"\n')
+    (tmp_path / name).write_bytes(start + bytes(200))
+    lines = set()
+    for command, *more in (
+        ("import", "-o", "r.mcap"),
+        ("inspect",),
+        ("identify", "--experiment", str(tmp_path / "e.toml")),
+    ):
+        assert main([command, str(tmp_path / name), *more]) == 2
+        lines.add(capsys.readouterr().err)
+    (line,) = lines
+    assert line.startswith(f"error: neither recording nor table {tmp_path / name} but")
+    assert way_on in line

@@ -15,7 +15,7 @@ from rig.exceptions import listed, quoted
 from uq.experiment.arm_table import DeclaredArm, JointTable, Written
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.runs.recorded.urdf_model import frame_number, joint_axis, urdf_model
+from uq.runs.recorded.urdf_model import MovedLink, Pose, UrdfJoint, UrdfModel, urdf_model
 
 UNITS = {"position": ("rad", "m"), "speed": ("rad/s", "m/s"), "acceleration": ("rad/s^2", "m/s^2"),
          "effort": ("N*m", "N")}  # fmt: skip
@@ -27,8 +27,6 @@ class Arm:
     """A serial arm with its limits; joints from base to tool, SI units."""
 
     declared: DeclaredArm
-    model: Any
-    """Pinocchio's model of the robot."""
     chain: SerialChain
     names: tuple[str, ...]
     """Names of the joints."""
@@ -46,31 +44,17 @@ class Arm:
 
         Raises:
             ExperimentError: it describes none, the URDF is no serial chain, or a limit is missing or cannot be.
-            RigError: Pinocchio is not installed.
         """
         declared = experiment.arm
         if declared is None:
             raise ExperimentError('missing key platform.kind: write kind = "arm", and describe the arm')
-        model = urdf_model(declared.urdf, "platform.urdf", "arms", declared.fixed)
-        frame = frame_number(model, declared.tool, declared.urdf, "platform.tool")
-        numbers = _serial(model, frame, declared.urdf)
-        axes = np.array([joint_axis(model, k, declared.urdf) for k in numbers])
-        slides = tuple(bool(np.abs(axis[:3]).max() > 0) for axis in axes)
-        placements, links = [model.jointPlacements[k] for k in numbers], [model.inertias[k] for k in numbers]
-        tool = model.frames[frame].placement
-        chain = SerialChain(
-            rotation=np.array([placement.rotation for placement in placements]),
-            position=np.array([placement.translation for placement in placements]),
-            axis=np.where(np.array(slides)[:, None], axes[:, :3], axes[:, 3:]), tool_rotation=np.array(tool.rotation),
-            tool_position=np.array(tool.translation), mass=np.array([link.mass for link in links]),
-            r_cg=np.array([link.lever for link in links]),
-            inertia=np.array([pack(np.array(link.inertia)) for link in links]), prismatic=slides,
-        )  # fmt: skip
-        names = tuple(model.names[k] for k in numbers)
-        limits = list(_limits(model, declared, numbers, slides))
+        model = urdf_model(declared.urdf, "platform.urdf", declared.fixed)
+        chain, joints = _serial(model, model.link_of(declared.tool, "platform.tool"))
+        names = tuple(joint.name for joint in joints)
+        limits = list(_limits(declared, joints))
         speed, acceleration, effort = (np.array([rates[k] for _, rates in limits]) for k in range(3))
         arm = cls(
-            declared=declared, model=model, chain=chain, names=names, home=_home(declared, names, slides),
+            declared=declared, chain=chain, names=names, home=_home(declared, names, chain.prismatic),
             position=np.array([position for position, _ in limits]), speed=speed, acceleration=acceleration,
             effort=effort,
         )  # fmt: skip
@@ -106,29 +90,34 @@ class Arm:
             "acceleration": joints.acceleration / self.acceleration[None],
         }
 
-    def in_pinocchio(self, q: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
-        """Return joint positions as Pinocchio keeps them: a joint without end as cosine and sine."""
-        joints = [self.model.joints[self.model.getJointId(name)] for name in self.names]
-        return np.concatenate(
-            [[np.cos(x), np.sin(x)] if joint.nq == 2 else [x] for x, joint in zip(q, joints, strict=True)]
-        )
 
-
-def _serial(model: Any, frame: int, urdf: str) -> list[int]:
-    """Numbers of the joints that move a frame, refused unless each has one axis and there are no others."""
-    numbers = [number for number in model.supports[model.frames[frame].parentJoint] if number > 0]
-    for number in range(1, model.njoints):
-        name, joint = quoted(model.names[number]), model.joints[number]
-        if number not in numbers:
+def _serial(model: UrdfModel, tool: str) -> tuple[SerialChain, list[UrdfJoint]]:
+    """The chain that moves the tool and its joints, refused unless each has one axis and there are no others."""
+    urdf, moving = Path(model.urdf).name, [joint for joint in model.joints_to(tool) if joint.moves]
+    for joint in model.joints.values():
+        name = quoted(joint.name)
+        if joint.moves and joint not in moving:
             raise ExperimentError(
-                f"joint {name} of {Path(urdf).name} does not move the tool: fix it in place, by a "
+                f"joint {name} of {urdf} does not move the tool: fix it in place, by a "
                 f'[[platform.joint]] with name = {name} and fixed = "0 mm" or "0 deg"'
             )
-        if joint.nv != 1 or "Helical" in joint.shortname() or "Mimic" in joint.shortname():
-            raise ExperimentError(f"joint {name} of {Path(urdf).name} neither turns nor slides about one axis alone")
-    if not numbers:
-        raise ExperimentError(f"no joint of {Path(urdf).name} moves the frame at platform.tool: name another")
-    return numbers
+        if joint.moves and not joint.has_one_axis:
+            raise ExperimentError(f"joint {name} of {urdf} neither turns nor slides about one axis alone")
+    if not moving:
+        raise ExperimentError(f"no joint of {urdf} moves the frame at platform.tool: name another")
+    return _chain(model, *model.chain_to(tool)), moving
+
+
+def _chain(model: UrdfModel, links: list[MovedLink], tool: Pose) -> SerialChain:
+    """The chain of these links, each with all that is fixed to it."""
+    bodies = [model.carried_by(link.joint.child) for link in links]
+    return SerialChain(
+        rotation=np.array([link.rotation for link in links]), position=np.array([link.position for link in links]),
+        axis=np.array([link.axis for link in links]), tool_rotation=tool[0], tool_position=tool[1],
+        mass=np.array([body.mass for body in bodies]), r_cg=np.array([body.r_cg for body in bodies]),
+        inertia=np.array([pack(body.inertia) for body in bodies]),
+        prismatic=tuple(link.joint.slides for link in links),
+    )  # fmt: skip
 
 
 def _home(declared: DeclaredArm, names: tuple[str, ...], slides: tuple[bool, ...]) -> np.ndarray:
@@ -141,24 +130,22 @@ def _home(declared: DeclaredArm, names: tuple[str, ...], slides: tuple[bool, ...
 
 
 def _limits(
-    model: Any, declared: DeclaredArm, numbers: list[int], slides: tuple[bool, ...]
+    declared: DeclaredArm, joints: list[UrdfJoint]
 ) -> Iterator[tuple[tuple[float, float], tuple[float, float, float]]]:
     """Range of each joint, and its largest speed, acceleration and effort."""
     tables = {table.name: table for table in declared.joint if table.fixed is None}
-    names = [model.names[number] for number in numbers]
+    names = [joint.name for joint in joints]
     if unknown := [name for name in tables if name is not None and name not in names]:
         raise ExperimentError(f"platform.joint: unknown joint {quoted(unknown[0])}: the joints are {listed(names)}")
-    for number, name, sliding in zip(numbers, names, slides, strict=True):
+    for joint in joints:
+        name, sliding, (low, high) = joint.name, joint.slides, joint.range
         table = tables.get(name, tables.get(None, JointTable()))
-        at, speed = model.joints[number].idx_q, model.joints[number].idx_v
-        endless = model.joints[number].nq == 2
-        low, high = (-np.inf, np.inf) if endless else (model.lowerPositionLimit[at], model.upperPositionLimit[at])
         if (stated := table.position) is not None:
             _check_unit(stated[0], "position", sliding, f"platform.joint.{name}.position")
             low, high = (float(value.value) for value in stated)
         if not low < high:
             raise ExperimentError(f"no range of joint {name} in the URDF: state position in [[platform.joint]]")
-        largest = {"speed": model.velocityLimit[speed], "acceleration": np.inf, "effort": model.effortLimit[speed]}
+        largest = {"speed": joint.speed, "acceleration": np.inf, "effort": joint.effort}
         for what in largest:
             value = getattr(table, what)
             if value is not None:
@@ -166,7 +153,7 @@ def _limits(
                 largest[what] = value.value
             if not 0 < largest[what] < np.inf:
                 raise ExperimentError(f"no largest {what} of joint {name}: state {what} in [[platform.joint]]")
-        yield (float(low), float(high)), (float(largest["speed"]), largest["acceleration"], float(largest["effort"]))
+        yield (low, high), (largest["speed"], largest["acceleration"], largest["effort"])
 
 
 def _check_unit(value: Written, what: str, sliding: bool, path: str) -> None:

@@ -19,7 +19,7 @@ from uq.plan.motion_design.arm.arm_limits import ArmLimits
 from uq.plan.motion_design.arm.clearance import Clearance
 from uq.plan.motion_design.arm.joint_search import GRID, Candidate, Goal, JointSearch, periods
 from uq.plan.motion_design.arm.largest_motion import enlarged, largest_size
-from uq.plan.motion_design.arm.mujoco_run import loaded_model
+from uq.plan.motion_design.arm.mujoco_model import loaded_model
 from uq.plan.motion_design.arm.predicted_payload import WrenchNoise, by_undeclared, declared_noise, promised
 from uq.plan.motion_design.design_goal import GOALS, goal_of
 from uq.plan.motion_design.search import check_options, optima
@@ -107,7 +107,7 @@ def design_arm(
 
     Raises:
         ExperimentError: no arm, no noise, a limit that is missing or cannot be met, a goal or number that cannot be.
-        RigError: Pinocchio or MuJoCo is not installed.
+        RigError: MuJoCo is not installed.
     """
     seconds = {"duration": duration, "period": period, "ramp": ramp}
     check_options({"goal": (goal, ARM_GOALS)}, {"starts": starts, "random series": random}, seconds)

@@ -58,8 +58,6 @@ class ArmDesignReport(MotionReport):
         texts = [f"In the simulation {contact}: do not run this motion." for contact in self.run.contacts]
         texts += [f"In the simulation {peak}." for peak in self.run.peaks if peak.share > 1 + TOLERATED]
         texts += self.design.limits.clearance.exceptions()
-        if self.run.unseen:
-            texts.append(f"The simulation sees no contact of {', '.join(self.run.unseen)}: MuJoCo reads no such mesh.")
         if self.design.noise.left_out:
             texts.append(
                 "The prediction holds the white noise of force and moment alone; left out: "

@@ -1,14 +1,15 @@
-"""Distances of an arm's links from each other and from the floor: lower bounds for the search, Coal for the check.
+"""Distances of an arm's links from each other and from the floor: lower bounds for the search, MuJoCo for the check.
 
-The shapes are the collision shapes of the URDF; links that a joint connects may touch, as may those that a SRDF names
-or that touch at home with one link between them, by their construction. For the search every shape is
-covered by spheres along its longest axis. Their distance from the other shape, in closed form, is at most that of the
-two shapes, and the larger of both ways round is a close bound, of which JAX has the gradient. The check asks the
-library Coal, which comes with Pinocchio, for the shapes themselves.
+The shapes are the collision shapes of the URDF, a mesh its convex hull; links that a joint connects may touch, as may
+those that a SRDF names or that touch at home with one link between them, by their construction. For the search every
+shape is covered by spheres along its longest axis. Their distance from the other shape, in closed form, is at most that
+of the two shapes, and the larger of both ways round is a close bound, of which JAX has the gradient. The check asks
+MuJoCo for the shapes themselves.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -19,15 +20,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from identify.motion.serial_arm.serial_chain import poses
-from rig.exceptions import reason
+from identify.rigid_body.rotation import from_quaternions
 from uq.files.mistakes import ExperimentError
 from uq.plan.motion_design.arm.arm import Arm
-from uq.plan.motion_design.arm.collision_meshes import with_mesh_files
-from uq.runs.recorded.urdf_model import silence, urdf_text
+from uq.plan.motion_design.arm.mujoco_model import FLOOR, mujoco_library, shapes_model
+from uq.runs.recorded.urdf_model import urdf_text
 
-FLOOR = "the floor"
 CLOSER = 3
 """Covering spheres in a shape's length, in its radii."""
+FAR = 100.0
+"""Distance beyond which shapes count as so far apart [m]."""
 
 
 class Touch(NamedTuple):
@@ -42,6 +44,10 @@ class Touch(NamedTuple):
 class Shape(NamedTuple):
     """A link's collision shape: a cylinder about its z, or the box that holds any other."""
 
+    name: str
+    """Name of the link."""
+    number: int
+    """Number of the shape in MuJoCo's model."""
     link: int
     """Number of the frame that carries the shape: 0 the base, k the link that joint k moves."""
     rotation: Float[np.ndarray, "3 3"]
@@ -87,10 +93,13 @@ class Clearance:
     """An arm's shapes, and the pairs of them that must keep their distance."""
 
     arm: Arm
-    geometry: Any
-    """Pinocchio's, with these pairs."""
+    model: Any
+    """MuJoCo's, of the shapes."""
     shapes: tuple[Shape, ...]
+    checked: tuple[tuple[int, int], ...]
+    """Pairs of shapes that must keep their distance; the number after the last shape's is the floor."""
     pairs: tuple[tuple[int, int], ...]
+    """Pairs that the search keeps apart, some of those in ``checked``."""
     may_touch: tuple[tuple[str, str], ...]
     """Links that may touch: those that touch at home, or that the SRDF names."""
     margins: Mapping[tuple[int, int], float]
@@ -102,22 +111,21 @@ class Clearance:
 
         Raises:
             ExperimentError: a shape cannot be read, or links are too near each other at home.
+            RigError: MuJoCo is not installed.
         """
-        import pinocchio
-
-        disabled = _disabled(arm.declared.urdf)
-        geometry = _geometry(arm, disabled)
-        shapes = tuple(_shape(shape) for shape in geometry.geometryObjects if shape.name != FLOOR)
-        clearance = cls(arm, geometry, shapes, pairs=(), may_touch=(), margins={})
+        disabled, model = _disabled(arm.declared.urdf), shapes_model(arm)
+        shapes = tuple(_shape(model, number) for number in range(model.ngeom) if model.geom(number).name != FLOOR)
+        checked = tuple(_pairs(shapes, disabled, floor=arm.declared.floor is not None))
+        clearance = cls(arm, model, shapes, checked=checked, pairs=(), may_touch=(), margins={})
         distances = dict(clearance._near_at_home())
-        touching = [pair for pair, distance in distances.items() if distance <= 0]
-        for first, second in touching:
-            geometry.removeCollisionPair(pinocchio.CollisionPair(first, second))
+        touching = {pair for pair, distance in distances.items() if distance <= 0}
         may_touch = {*disabled, *((clearance._link(first), clearance._link(second)) for first, second in touching)}
         margins = {pair: distance / 2 for pair, distance in distances.items() if distance > 0}
-        kept = [(pair.first, pair.second) for pair in geometry.collisionPairs if pair.second < len(shapes)]
-        pairs = [pair for pair in kept if pair not in margins]
-        clearance = replace(clearance, pairs=tuple(pairs), may_touch=tuple(sorted(may_touch)), margins=margins)
+        checked = tuple(pair for pair in checked if pair not in touching)
+        pairs = [pair for pair in checked if pair not in margins and pair[1] < len(shapes)]
+        clearance = replace(
+            clearance, checked=checked, pairs=tuple(pairs), may_touch=tuple(sorted(may_touch)), margins=margins
+        )
         # what only seems too near is left to the check
         bounds = np.asarray(jax.jit(clearance.gaps)(jnp.asarray(arm.home)))
         apart = [pair for pair, gap in zip(pairs, bounds, strict=False) if gap > arm.declared.clearance]
@@ -129,24 +137,38 @@ class Clearance:
         Raises:
             ExperimentError: others are, which are so near in this pose alone.
         """
-        import pinocchio
-
-        data, collisions = self.arm.model.createData(), self.geometry.createData()
-        home, shapes = self.arm.in_pinocchio(self.arm.home), self.geometry.geometryObjects
-        pinocchio.computeDistances(self.arm.model, data, self.geometry, collisions, home)
-        for pair, result in zip(self.geometry.collisionPairs, collisions.distanceResults, strict=True):
-            if result.min_distance > self.arm.declared.clearance:
+        for pair, distance in zip(self.checked, self.distances(self.arm.home), strict=True):
+            if distance > self.arm.declared.clearance:
                 continue
-            first, second = self._link(pair.first), self._link(pair.second)
-            if second == FLOOR or abs(shapes[pair.first].parentJoint - shapes[pair.second].parentJoint) > 2:
+            first, second = map(self._link, pair)
+            if second == FLOOR or abs(self.shapes[pair[0]].link - self.shapes[pair[1]].link) > 2:
                 raise ExperimentError(
                     f"platform.home: {first} is closer to {second} than platform.clearance: choose another home, or "
                     "smaller collision shapes"
                 )
-            yield (pair.first, pair.second), result.min_distance
+            yield pair, distance
+
+    def distances(self, q: Float[np.ndarray, " n"]) -> Iterator[float]:
+        """Yield the distance of each pair of ``checked`` at joint positions, negative where the two overlap [m]."""
+        mujoco, (data, geoms) = mujoco_library(), self._workspace
+        data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, data)
+        for first, second in geoms:
+            yield mujoco.mj_geomDistance(self.model, data, first, second, FAR, None)
+
+    @cached_property
+    def _workspace(self) -> tuple[Any, list[tuple[int, int]]]:
+        """MuJoCo's data, and the numbers in its model of each pair of ``checked``."""
+        numbers = [shape.number for shape in self.shapes]
+        if self.arm.declared.floor is not None:
+            numbers.append(int(self.model.geom(FLOOR).id))
+        pairs = [(numbers[first], numbers[second]) for first, second in self.checked]
+        return mujoco_library().MjData(self.model), pairs
 
     def exceptions(self) -> Iterator[str]:
         """Yield what keeps less than the clearance, as sentences."""
+        if not any(shape.link for shape in self.shapes):
+            yield "No link that moves has a collision shape: nothing is kept apart."
         if self.may_touch:
             pairs = "; ".join(" and ".join(pair) for pair in self.may_touch)
             yield f"May touch, as they do at home or as the SRDF says: {pairs}."
@@ -162,8 +184,8 @@ class Clearance:
         turns = jnp.concatenate([jnp.eye(3)[None], frames.rotation])
         places = jnp.concatenate([jnp.zeros((1, 3)), frames.position])
         gaps = [self._between(turns, places)] if self.pairs else []
-        if (floor := self.arm.declared.floor) is not None:
-            moving = [shape for shape in self.shapes if shape.link > 1]
+        moving = [shape for shape in self.shapes if shape.link > 1]
+        if (floor := self.arm.declared.floor) is not None and moving:
             heights = [places[shape.link][2] + turns[shape.link][2] @ shape.position for shape in moving]
             lowest = [shape.lowest(turns[shape.link][2] @ shape.rotation) for shape in moving]
             gaps.append(jnp.stack(heights) - jnp.stack(lowest) - floor)
@@ -174,7 +196,7 @@ class Clearance:
         covers = [shape.cover() for shape in self.shapes]
         most = max(len(centres) for centres, _ in covers)
         filled = np.array([np.resize(centres, (most, 3)) for centres, _ in covers])
-        link, turn, place, half, is_round = (np.array(values) for values in zip(*self.shapes, strict=True))
+        _, _, link, turn, place, half, is_round = (np.array(values) for values in zip(*self.shapes, strict=True))
         radius = np.array([size for _, size in covers])
         spheres = places[link][:, None] + jnp.einsum("aij,asj->asi", turns[link], filled)
         middle = places[link] + jnp.einsum("aij,aj->ai", turns[link], place)
@@ -186,18 +208,11 @@ class Clearance:
 
     def touches(self, q: Float[np.ndarray, "t n"]) -> Iterator[Touch]:
         """Yield the first pair of each instant that is nearer than the clearance, by the shapes themselves."""
-        import pinocchio
-
-        model, data, collisions = self.arm.model, self.arm.model.createData(), self.geometry.createData()
-        for pair, request in zip(self.geometry.collisionPairs, collisions.collisionRequests, strict=True):
-            request.security_margin = self.margins.get((pair.first, pair.second), self.arm.declared.clearance)
+        margins = [self.margins.get(pair, self.arm.declared.clearance) for pair in self.checked]
         for instant, at in enumerate(q):
-            position = self.arm.in_pinocchio(at)
-            if not pinocchio.computeCollisions(model, data, self.geometry, collisions, position, True):
-                continue
-            for pair, result in zip(self.geometry.collisionPairs, collisions.collisionResults, strict=True):
-                if result.isCollision():
-                    yield Touch(self._link(pair.first), self._link(pair.second), instant)
+            for pair, margin, distance in zip(self.checked, margins, self.distances(at), strict=True):
+                if distance <= margin:
+                    yield Touch(self._link(pair[0]), self._link(pair[1]), instant)
                     break
 
     def name(self, number: int) -> str:
@@ -209,8 +224,7 @@ class Clearance:
 
     def _link(self, number: int) -> str:
         """The name of a shape's link."""
-        shape = self.geometry.geometryObjects[number]
-        return FLOOR if shape.name == FLOOR else str(self.arm.model.frames[shape.parentFrame].name)
+        return self.shapes[number].name if number < len(self.shapes) else FLOOR
 
 
 def _disabled(urdf: str) -> set[tuple[str, str]]:
@@ -222,45 +236,39 @@ def _disabled(urdf: str) -> set[tuple[str, str]]:
     return {(pair.get("link1", ""), pair.get("link2", "")) for pair in robot.findall("disable_collisions")}
 
 
-def _geometry(arm: Arm, disabled: set[tuple[str, str]]) -> Any:
-    """Pinocchio's geometry of an arm, with the pairs that must not touch: none that a joint connects or is disabled."""
-    import coal
-    import pinocchio
-
-    urdf = arm.declared.urdf
-    robot = ElementTree.tostring(with_mesh_files(arm.declared), "unicode")
-    try:
-        with silence():
-            geometry = pinocchio.buildGeomFromUrdfString(arm.model, robot, pinocchio.GeometryType.COLLISION)
-    except (ValueError, RuntimeError) as error:
-        raise ExperimentError(
-            f"collision shapes of {Path(urdf).name} cannot be read ({reason(str(error).strip())}): "
-            "describe links by boxes, cylinders and spheres"
-        ) from None
-    geometry.removeAllCollisionPairs()
-    links = [shape.parentJoint for shape in geometry.geometryObjects]
-    names = [arm.model.frames[shape.parentFrame].name for shape in geometry.geometryObjects]
-    for b in range(len(links)):
-        for a in range(b):
-            if abs(links[a] - links[b]) > 1 and not {(names[a], names[b]), (names[b], names[a])} & disabled:
-                geometry.addCollisionPair(pinocchio.CollisionPair(a, b))
-    if arm.declared.floor is not None:
-        plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), arm.declared.floor)
-        floor = geometry.addGeometryObject(pinocchio.GeometryObject(FLOOR, 0, pinocchio.SE3.Identity(), plane))
-        for number, link in enumerate(links):
-            if link > 1:
-                geometry.addCollisionPair(pinocchio.CollisionPair(number, floor))
-    return geometry
+def _pairs(shapes: tuple[Shape, ...], disabled: set[tuple[str, str]], *, floor: bool) -> Iterator[tuple[int, int]]:
+    """Pairs that must not touch: none that a joint connects or is disabled, and the floor with what moves above it."""
+    for b, second in enumerate(shapes):
+        for a, first in enumerate(shapes[:b]):
+            named = {(first.name, second.name), (second.name, first.name)}
+            if abs(first.link - second.link) > 1 and not named & disabled:
+                yield a, b
+    if floor:
+        yield from ((number, len(shapes)) for number, shape in enumerate(shapes) if shape.link > 1)
 
 
-def _shape(model: Any) -> Shape:
-    """A shape from Pinocchio's."""
-    model.geometry.computeLocalAABB()
-    box = model.geometry.aabb_local
-    low, high = np.array(box.min_).ravel(), np.array(box.max_).ravel()
-    turn, place = np.array(model.placement.rotation), np.array(model.placement.translation)
-    is_round = type(model.geometry).__name__ in ("Cylinder", "Capsule", "Sphere")
+def _shape(model: Any, number: int) -> Shape:
+    """A shape of MuJoCo's model; a mesh has the axes of its file."""
+    geom, kinds = model.geom(number), mujoco_library().mjtGeom
+    kind, turn, middle = kinds(int(geom.type[0])), _rotation(geom.quat), np.zeros(3)
+    radius, length, _ = geom.size
+    halves = {
+        kinds.mjGEOM_BOX: geom.size, kinds.mjGEOM_SPHERE: (radius, radius, radius),
+        kinds.mjGEOM_CYLINDER: (radius, radius, length), kinds.mjGEOM_CAPSULE: (radius, radius, length + radius),
+    }  # fmt: skip
+    if kind == kinds.mjGEOM_MESH:
+        mesh = model.mesh(geom.dataid[0])
+        principal = _rotation(model.mesh_quat[mesh.id])  # whose axes MuJoCo gives to the shape
+        corners = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]] @ principal.T
+        turn, middle = turn @ principal.T, (corners.min(axis=0) + corners.max(axis=0)) / 2
+        halves[kind] = np.ptp(corners, axis=0) / 2
     return Shape(
-        link=int(model.parentJoint), rotation=turn, position=place + turn @ (low + high) / 2, half=(high - low) / 2,
-        is_round=is_round,
+        name=geom.name.rpartition("/")[0], number=number, link=int(geom.bodyid[0]), rotation=turn,
+        position=geom.pos + turn @ middle, half=np.array(halves[kind], float),
+        is_round=kind not in (kinds.mjGEOM_BOX, kinds.mjGEOM_MESH),
     )  # fmt: skip
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    """The matrix of a quaternion of MuJoCo, scalar first."""
+    return from_quaternions(quaternion[None])[0]

@@ -1,5 +1,6 @@
 """The shapes of a URDF's links that must not touch, with the files of their meshes found as ROS finds them."""
 
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,21 +13,48 @@ from uq.files.mistakes import ExperimentError
 from uq.runs.recorded.urdf_model import urdf_robot
 
 PACKAGE = ("package://", "model://")
+FORMATS = (".stl", ".obj", ".msh")
+"""File formats of meshes that MuJoCo reads."""
 
 
 def with_mesh_files(arm: DeclaredArm) -> ElementTree.Element:
     """Return the robot of an arm's URDF without what is only looked at, the meshes of its collision shapes as paths.
 
     Raises:
-        ExperimentError: there is no such file, it is no XML, it holds too much, or a mesh has no file.
+        ExperimentError: there is no such file, it is no XML, it holds too much, a mesh has no file that can be read, or
+            a shape has a number that is not finite.
     """
     urdf, robot = arm.urdf, urdf_robot(arm.urdf, "platform.urdf", arm.fixed)
     for link in robot.iter("link"):
         for seen in link.findall("visual"):
             link.remove(seen)
+        for shape in link.findall("collision"):
+            _check_numbers(shape, f"link {quoted(link.get('name', ''))} in {Path(urdf).name}")
         for mesh in link.iter("mesh"):
-            mesh.set("filename", str(_file(mesh.get("filename", ""), Path(urdf))))
+            file = _file(mesh.get("filename", ""), Path(urdf))
+            if file.suffix.lower() not in FORMATS:
+                raise ExperimentError(
+                    f"collision mesh {quoted(file.name)} of {Path(urdf).name} is none of {', '.join(FORMATS)}: convert "
+                    "it to binary STL and name that, or use boxes, cylinders and spheres"
+                )
+            mesh.set("filename", str(file))
     return robot
+
+
+def _check_numbers(shape: ElementTree.Element, owner: str) -> None:
+    """Refuse numbers that are not finite, which MuJoCo takes for a place."""
+    for element in shape.iter():
+        for key in ("xyz", "rpy", "scale", "size", "radius", "length"):
+            text = element.get(key, "0")
+            if not all(math.isfinite(_number(word)) for word in text.split()):
+                raise ExperimentError(f"{key}={quoted(text)} of a collision shape of {owner}: write finite numbers")
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return math.nan
 
 
 def _file(name: str, urdf: Path) -> Path:

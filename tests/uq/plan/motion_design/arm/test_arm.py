@@ -1,27 +1,32 @@
-"""The arm of uq/examples: its chain against MuJoCo, its clearances against Coal, and what is refused in one line."""
+"""The arm of uq/examples: its chain against MuJoCo, its distances against cone programmes, and refusals in one line."""
 
 import copy
 import re
 from pathlib import Path
+from types import ModuleType
+from xml.etree import ElementTree
 
+import clarabel
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import sparse
 
 from identify.motion.serial_arm.joint_series import JointStates
+from identify.motion.serial_arm.serial_chain import poses
 from rig.exceptions import RigError
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.plan.motion_design.arm.arm import Arm
 from uq.plan.motion_design.arm.arm_limits import PIECE, ArmLimits
 from uq.plan.motion_design.arm.clearance import Clearance
-from uq.plan.motion_design.arm.mujoco_run import loaded_model
+from uq.plan.motion_design.arm.collision_meshes import with_mesh_files
+from uq.plan.motion_design.arm.mujoco_model import loaded_model
 from uq.plan.motion_design.arm.predicted_payload import declared_noise
 from uq.plan.motion_design.search import in_pieces
 
 mujoco = pytest.importorskip("mujoco")
-pinocchio = pytest.importorskip("pinocchio")
 
 EXPERIMENTS = Path(__file__).parents[5] / "uq" / "examples"
 
@@ -53,19 +58,66 @@ def test_wrench_and_efforts_are_mujocos(experiment, arm, generator):
         np.testing.assert_allclose(100 * shares["cell_moment"][k], np.abs(data.sensordata[3:]), atol=1e-8)
 
 
-def test_the_gaps_are_close_bounds_of_coals_distances(arm, generator):
+def within(shape, turn, place):
+    """Rows ``G x + h`` of a cone programme whose cones say that a point x is in a shape: a cylinder, or a box."""
+    axes = (turn @ shape.rotation).T
+    offset = -axes @ (place + turn @ shape.position)
+    if shape.is_round:
+        rows = np.stack([np.zeros(3), axes[0], axes[1], np.zeros(3), axes[2]])
+        limits = np.array([shape.half[0], offset[0], offset[1], shape.half[2], offset[2]])
+        return rows, limits, [clarabel.SecondOrderConeT(3), clarabel.SecondOrderConeT(2)]
+    rows = np.stack([row for axis in axes for row in (np.zeros(3), axis)])
+    return rows, np.stack([shape.half, offset], axis=1).ravel(), [clarabel.SecondOrderConeT(2)] * 3
+
+
+def nearest_points(first, second):
+    """The distance of two shapes in their poses, zero where they overlap, as a second-order cone programme."""
+    (f_rows, f_limits, f_cones), (s_rows, s_limits, s_cones) = within(*first), within(*second)
+    rows = np.block([
+        [np.zeros((1, 6)), np.ones((1, 1))], [np.eye(3), -np.eye(3), np.zeros((3, 1))],
+        [f_rows, np.zeros((len(f_rows), 4))], [np.zeros((len(s_rows), 3)), s_rows, np.zeros((len(s_rows), 1))],
+    ])  # fmt: skip
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones = [clarabel.SecondOrderConeT(4), *f_cones, *s_cones]
+    limits = np.concatenate([np.zeros(4), f_limits, s_limits])
+    problem = sparse.csc_matrix((7, 7)), np.eye(7)[6], sparse.csc_matrix(-rows), limits, cones, settings
+    return clarabel.DefaultSolver(*problem).solve().obj_val
+
+
+@pytest.mark.parametrize("shape", ["", '<box size="0.1 0.11 0.45"/>'])
+def test_the_distances_are_those_of_cone_programmes(experiment, tmp_path, shape, generator):
+    """MuJoCo's stop within some micrometres."""
+    text = (EXPERIMENTS / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(
+        text.replace('<cylinder radius="0.055" length="0.45"/>', shape) if shape else text
+    )
+    clearance = Clearance.of(Arm.of(Experiment.from_dict(experiment.document, tmp_path)))
+    assert {item.is_round for item in clearance.shapes} == {True, not shape}
+    for q in generator.uniform(-2.5, 2.5, size=(4, 6)):
+        frames = jax.jit(poses)(clearance.arm.chain, q)
+        turns, places = (
+            np.concatenate([np.eye(3)[None], frames.rotation]),
+            np.concatenate([np.zeros((1, 3)), frames.position]),
+        )
+        placed = [(item, turns[item.link], places[item.link]) for item in clearance.shapes]
+        for (a, b), distance in zip(clearance.checked, clearance.distances(q), strict=True):
+            if b == len(placed):
+                item, turn, place = placed[a]
+                expected = place[2] + turn[2] @ item.position - float(item.lowest(jnp.asarray(turn[2] @ item.rotation)))
+                assert distance == pytest.approx(expected, abs=5e-6)
+            else:
+                assert max(distance, 0.0) == pytest.approx(nearest_points(placed[a], placed[b]), abs=5e-6)
+
+
+def test_the_gaps_are_close_bounds_of_the_distances(arm, generator):
     clearance = Clearance.of(arm)
-    data, found = arm.model.createData(), clearance.geometry.createData()
     positions = generator.uniform(-2.5, 2.5, size=(60, 6))
     bounds = np.asarray(jax.jit(jax.vmap(clearance.gaps))(jnp.asarray(positions)))
-    distances = []
-    for q in positions:
-        pinocchio.computeDistances(arm.model, data, clearance.geometry, found, q)
-        distances.append([result.min_distance for result in found.distanceResults])
-    distances = np.array(distances)
+    distances = np.array([[*clearance.distances(q)] for q in positions])
     assert distances.shape == bounds.shape
     apart, near = distances > 0, (distances > 0) & (distances < 0.15)
-    assert (bounds - distances)[apart].max() < 1e-6
+    assert (bounds - distances)[apart].max() < 5e-6
     assert np.mean((distances - bounds)[near]) < 0.004  # a fifth of the clearance
 
 
@@ -133,7 +185,7 @@ def test_an_arm_without_its_urdf(experiment):
     ("kind", "at", "place"), [("prismatic", "20 mm", [0, 0.1, 0.27]), ("revolute", "90 deg", [-0.1, 0, 0.25])]
 )
 def test_a_gripper_is_fixed_by_the_experiment(experiment, tmp_path, kind, at, place):
-    """Pinocchio has the finger where a table fixes it, MuJoCo has no such joint; what it mimics does not matter."""
+    """MuJoCo has the finger where a table fixes it, and no such joint; what it mimics does not matter."""
     text = (EXPERIMENTS / "arm.urdf").read_text()
     finger = (
         f'<link name="finger"/><joint name="grip" type="{kind}"><parent link="tool"/><child link="finger"/>{{}}'
@@ -150,10 +202,13 @@ def test_a_gripper_is_fixed_by_the_experiment(experiment, tmp_path, kind, at, pl
         (tmp_path / "arm.urdf").write_text(text.replace("</robot>", finger.format(mimic, "0 0 2")))
         arm = Arm.of(Experiment.from_dict(document, tmp_path))
         assert arm.names == Arm.of(experiment).names
-        data = arm.model.createData()
-        pinocchio.framesForwardKinematics(arm.model, data, arm.in_pinocchio(arm.home))
-        tool, tip = (data.oMf[arm.model.getFrameId(name)] for name in ("tool", "tip"))
-        np.testing.assert_allclose((tool.inverse() * tip).translation, place, atol=1e-12)
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(with_mesh_files(arm.declared), "unicode"))
+        spec.compiler.fusestatic = False
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        tool, tip = (data.body(name) for name in ("tool", "tip"))
+        np.testing.assert_allclose(tool.xmat.reshape(3, 3).T @ (tip.xpos - tool.xpos), place, atol=1e-12)
         assert loaded_model(arm, experiment.body, experiment.gravity).nv == len(arm.names)
     wrong = [{"fixed": "1 mm" if kind == "revolute" else "1 deg"}, {"name": "thumb"}, {"name": None}]
     messages = ["fixed of 'grip' is in", "arm.urdf has no joint 'thumb'", "fixes a joint without a name"]
@@ -197,10 +252,7 @@ def test_links_that_touch_by_construction_are_left_out(experiment, tmp_path):
 def test_links_that_are_near_at_home_keep_half_of_that(experiment):
     document = changed(experiment.document, platform={"clearance": "45 mm"})
     clearance = Clearance.of(Arm.of(Experiment.from_dict(document, EXPERIMENTS)))
-    data, collisions = clearance.arm.model.createData(), clearance.geometry.createData()
-    pinocchio.computeDistances(clearance.arm.model, data, clearance.geometry, collisions, clearance.arm.home)
-    pairs = ((pair.first, pair.second) for pair in clearance.geometry.collisionPairs)
-    home = {pair: found.min_distance for pair, found in zip(pairs, collisions.distanceResults, strict=True)}
+    home = dict(zip(clearance.checked, clearance.distances(clearance.arm.home), strict=True))
     assert clearance.margins == pytest.approx({pair: d / 2 for pair, d in home.items() if d < 0.045})
     assert clearance.margins
     assert not clearance.margins.keys() & {*clearance.pairs}
@@ -222,6 +274,13 @@ def test_the_noise_and_what_it_leaves_out(experiment):
 
 
 def test_without_the_extra_its_name_is_told(experiment, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
-    with pytest.raises(RigError, match=r"arms need Pinocchio: `pip install inertia-uq\[arm\]`"):
-        Arm.of(experiment)
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    with pytest.raises(RigError, match=r"arms need MuJoCo: `pip install inertia-uq\[arm\]`"):
+        Clearance.of(Arm.of(experiment))
+
+
+def test_what_is_left_of_mujoco_is_told(experiment, monkeypatch):
+    """Its folder alone imports as a package without names."""
+    monkeypatch.setitem(__import__("sys").modules, "mujoco", ModuleType("mujoco"))
+    with pytest.raises(RigError, match=r"files of MuJoCo are missing.*--force-reinstall --no-deps mujoco-core"):
+        Clearance.of(Arm.of(experiment))

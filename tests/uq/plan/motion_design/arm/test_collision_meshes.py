@@ -1,8 +1,10 @@
 """A maker's URDF, whose meshes are in a package of ROS: found, or one line before the search."""
 
+import re
 import struct
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,10 +13,9 @@ from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.plan.motion_design.arm.arm import Arm
 from uq.plan.motion_design.arm.clearance import Clearance
-from uq.plan.motion_design.arm.mujoco_run import left_out, loaded_model
+from uq.plan.motion_design.arm.mujoco_model import loaded_model
 
 pytest.importorskip("mujoco")
-pytest.importorskip("pinocchio")
 
 EXPERIMENTS = Path(__file__).parents[5] / "uq" / "examples"
 SHAPE = '<cylinder radius="0.06" length="0.4"/>'
@@ -36,19 +37,7 @@ def obj():
     return (corners + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in FACES)).encode()
 
 
-def dae():
-    """The same as COLLADA, which MuJoCo does not read."""
-    positions, order = " ".join(map(str, CORNERS.ravel())), " ".join(str(k) for face in FACES for k in face)
-    return f"""<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="12">{positions}</float_array>
-<technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
-<param name="Z" type="float"/></accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/>
-</vertices><triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/><p>{order}</p></triangles></mesh></geometry>
-</library_geometries><library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node></visual_scene>
-</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>""".encode()
-
-
-CONTENT = {"stl": stl, "obj": obj, "dae": dae}
+CONTENT = {"stl": stl, "obj": obj}
 
 
 def write(folder, mesh=MESH):
@@ -91,22 +80,50 @@ def test_a_mesh_of_a_package_is_found_as_ros_finds_it(place, tmp_path, monkeypat
     put(tmp_path / package / "meshes" / "link.stl")
     experiment = Experiment.load(write(tmp_path / "maker_description" / "urdf"))
     arm = Arm.of(experiment)
-    assert "maker_description/meshes/link.stl" in str(Clearance.of(arm).geometry.geometryObjects[0].meshPath)
+    np.testing.assert_allclose(Clearance.of(arm).shapes[0].half, 0.05, rtol=1e-6)
     assert loaded_model(arm, experiment.body, 9.81).nmesh == 1
-    assert left_out(arm) == ()
 
 
-@pytest.mark.parametrize("kind", ["stl", "obj", "dae"])
+@pytest.mark.parametrize("kind", CONTENT)
 @pytest.mark.parametrize("written", ["link.{}", "file://{folder}/link.{}"])
 def test_other_names_and_formats(kind, written, tmp_path):
     name = written.format(kind, folder=tmp_path)
     put(tmp_path / f"link.{kind}", kind)
     experiment = Experiment.load(write(tmp_path, f'<mesh filename="{name}" scale="2 2 2"/>'))
-    arm = Arm.of(experiment)
-    shape = Clearance.of(arm).shapes[0]
+    clearance = Clearance.of(Arm.of(experiment))
+    shape = clearance.shapes[0]
     np.testing.assert_allclose(shape.half, 0.1, rtol=1e-6)
-    assert loaded_model(arm, experiment.body, 9.81).nmesh == (kind != "dae")
-    assert left_out(arm) == (("link.dae",) if kind == "dae" else ())
+    np.testing.assert_allclose(shape.rotation, np.eye(3), atol=1e-7)
+    np.testing.assert_allclose(shape.position, [0, 0, 0.04], atol=1e-7)  # of the base's collision
+    assert loaded_model(clearance.arm, experiment.body, 9.81).nmesh == 1
+
+
+@pytest.mark.parametrize("wrong", ['xyz="0 nan 0.04"', 'rpy="0 inf 0"'])
+def test_a_shape_that_is_nowhere_is_refused_in_one_line(wrong, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(arm_design, "random_series", lambda *_: pytest.fail("searched"))
+    write(tmp_path, SHAPE)
+    text = (tmp_path / "arm.urdf").read_text()
+    assert 'xyz="0 0 0.04"' in text
+    (tmp_path / "arm.urdf").write_text(text.replace('xyz="0 0 0.04"', wrong, 1))
+    assert main(["design", str(tmp_path / "arm.toml")]) == 2
+    (line,) = capfd.readouterr().err.splitlines()[-1:]
+    number = wrong.partition("=")[2].strip('"')
+    assert (
+        line == f"error: {wrong[:3]}='{number}' of a collision shape of link 'base' in arm.urdf: write finite numbers"
+    )
+
+
+def test_an_arm_without_shapes_is_said(tmp_path):
+    path = write(tmp_path)
+    text = (tmp_path / "arm.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub("<collision>.*?</collision>", "", text, flags=re.DOTALL))
+    clearance = Clearance.of(Arm.of(Experiment.load(path)))
+    assert [*clearance.exceptions()] == ["No link that moves has a collision shape: nothing is kept apart."]
+    assert clearance.gaps(jnp.asarray(clearance.arm.home)).shape == (0,)
+
+
+FLAT = bytes(80) + struct.pack("<I12fH", 1, 0, 0, 1, 0, 0, 0, 0.05, 0, 0, 0, 0.05, 0, 0)
+"""A triangle, which has no volume."""
 
 
 @pytest.mark.parametrize(
@@ -115,25 +132,17 @@ def test_other_names_and_formats(kind, written, tmp_path):
      ('<mesh filename="link.stl"/>', None, "no file of the collision mesh 'link.stl' in arm.urdf: put it there"),
      ('<mesh filename=""/>', None, "no file of the collision mesh '' in arm.urdf"),
      ('<mesh filename="package://"/>', None, "no file of the collision mesh 'package://'"),
-     ('<mesh filename="link.stl"/>', b"solid\x00" * 20, "collision shapes of arm.urdf cannot be read")],
+     ('<mesh filename="link.stl"/>', b"solid\x00" * 20, "MuJoCo cannot read arm.urdf ("),
+     ('<mesh filename="link.stl"/>', FLAT, "MuJoCo cannot read arm.urdf ("),
+     ('<mesh filename="link.dae"/>', b"<COLLADA/>", "'link.dae' of arm.urdf is none of .stl, .obj, .msh: convert it")],
 )  # fmt: skip
 def test_what_cannot_be_read_is_said_before_the_search(mesh, content, message, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(arm_design, "random_series", lambda *_: pytest.fail("searched"))
     if content is not None:
-        (tmp_path / "link.stl").write_bytes(content)
+        (tmp_path / f"link.{mesh[-6:-3]}").write_bytes(content)
     assert main(["design", str(write(tmp_path, mesh)), "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()[-1:]
     assert line.startswith("error: ")
     assert message in line
     assert len(line) < 300
     assert not (tmp_path / "out").exists()
-
-
-def test_mujoco_is_asked_before_the_search(tmp_path, capsys, monkeypatch):
-    """A flat mesh has no volume, which MuJoCo refuses and Coal does not."""
-    monkeypatch.setattr(arm_design, "random_series", lambda *_: pytest.fail("searched"))
-    monkeypatch.setattr(arm_design, "ArmLimits", lambda *_: None)  # which takes seconds to compile
-    flat = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
-    (tmp_path / "link.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in flat) + "f 1 2 3\n")
-    assert main(["design", str(write(tmp_path, '<mesh filename="link.obj"/>'))]) == 2
-    assert "error: MuJoCo cannot read arm.urdf (" in capsys.readouterr().err
