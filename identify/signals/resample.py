@@ -24,8 +24,9 @@ MISSING_WARNING = 0.1
 """Share of samples without which an interval grows by a twentieth, as the root of their number."""
 GAP = 5.0
 """Sample intervals without a sample that count as a gap."""
-CROWDED = 0.02
-"""Part of the usual interval within which a sample behind another is left out: a spline through both would leap."""
+CROWDED = 1e-4
+"""Part of the usual interval within which a sample behind another is left out: a spline through both would leap. Stamps
+that jitter are not thinned: the jitter is then named."""
 SPARSE = 1000
 """Duration, in sample intervals for each sample, beyond which a clock has jumped: an hour's pause is no more."""
 UNEQUAL = 1.2

@@ -25,7 +25,7 @@ Topics = Mapping[str, str | None]
 
 SET_BACK = 100_000_000
 """Step back of a topic's log times [ns] beyond which a clock was set back: a recorder writes a topic as it comes."""
-NEEDS_WRIST = "this needs a force-torque sensor at the wrist: torques of joints are not used"
+NEEDS_WRIST = "this needs a wrist sensor: torques of joints are not used"
 """Words for a recording without a wrench."""
 MOST_PUBLISHERS = 20
 """Sets of joints that the messages of one topic name: arm, gripper, base, head."""
@@ -203,8 +203,8 @@ class Contents:
             held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
             wrist = f"; {NEEDS_WRIST}" if set(wanted) <= set(WRENCHES) else ""
             raise RigError(
-                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}{wrist}; write the fields of "
-                "another type as one of these, or as a table (docs/how-to/recordings.md#messages-of-other-types)"
+                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}{wrist}; write another "
+                "type's fields as one of these, or a table (docs/how-to/recordings.md#messages-of-other-types)"
             )
         chosen = topic or (filled or candidates)[0]
         if chosen not in self.topics:

@@ -38,7 +38,7 @@ def test_lost_and_reordered_datagrams_of_a_recording_are_counted_exactly(folder)
     wrench = runs.load(folder / "run.mcap").topics["/wrench"].arrays()
     numbers = wrench["sequence"].astype(int)
     between = np.arange(numbers[0], numbers[-1] + 1)
-    assert len(numbers) > 1900
+    assert len(numbers) > 1000
     assert sorted(set(between) - set(numbers)) == [n for n in between if n % 50 == 0]
     assert (status, cell["missing"]) == (1, sum(between % 50 == 0))
     assert cell["reordered"] == sum((between % 77 == 0) & (between % 50 != 0))

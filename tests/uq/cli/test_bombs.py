@@ -100,6 +100,7 @@ def run(*arguments, **environment):
     )
     resource.prlimit(process.pid, resource.RLIMIT_AS, (2 * GIB, 2 * GIB))
     printed, lines = process.communicate()
+    assert printed, lines
     return process.returncode, lines.splitlines(), int(printed.split()[-1]) * 1024
 
 

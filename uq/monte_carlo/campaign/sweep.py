@@ -31,7 +31,10 @@ TABLES = ("source", "trajectory", "estimator", "body")
 
 @dataclass(frozen=True, repr=False)
 class SweepResult(Result):
-    """Campaigns over values of numbers of an experiment. ``result["0.2 N*m"]`` is the campaign of a value."""
+    """Campaigns over values of numbers of an experiment. ``result["0.2 N*m"]`` is the campaign of a value.
+
+    Example: ``sweep(experiment, {"body.mass": ["10 kg", "20 kg"]}, trials=200).to_xarray().three_sigma``.
+    """
 
     unit_of_columns = "kg·m²"
     kind = "inertia sweep"

@@ -373,10 +373,10 @@ def _link(element: ElementTree.Element) -> UrdfLink:
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:
-    name, kind = element.get("name", ""), element.get("type", "")
+    name, form = element.get("name", ""), element.get("type", "")
     of, limit = f"joint {quoted(name)}", element.find("limit")
-    if kind not in KINDS:
-        raise ValueError(f"type={quoted(kind)} of {of}")
+    if form not in KINDS:
+        raise ValueError(f"type={quoted(form)} of {of}")
     ends = (element.find(end) for end in ("parent", "child"))
     parent, child = ("" if end is None else end.get("link", "") for end in ends)
     rotation, position = _origin(element, of)
@@ -384,9 +384,9 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
         float(_numbers(limit, key, "0", of)[0]) for key in ("lower", "upper", "velocity", "effort")
     )
     return UrdfJoint(
-        name=name, kind=kind, parent=parent, child=child, rotation=rotation, position=position,
+        name=name, kind=form, parent=parent, child=child, rotation=rotation, position=position,
         along=_numbers(element.find("axis"), "xyz", "1 0 0", of, 3), speed=speed, effort=effort,
-        range=(-math.inf, math.inf) if kind == "continuous" else (low, high),
+        range=(-math.inf, math.inf) if form == "continuous" else (low, high),
     )  # fmt: skip
 
 

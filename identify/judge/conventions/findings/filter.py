@@ -31,6 +31,7 @@ import numpy as np
 from identify.display.rounding import significant
 from identify.judge.conventions.axis_hypotheses import DECISIVE
 from identify.judge.conventions.convention_fit import (
+    LEAST_SECONDS,
     SMOOTHING,
     STEP,
     WINDOW,
@@ -101,7 +102,8 @@ def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterato
     """
     time, omega, specific = imu
     step = float(np.median(np.diff(time)))
-    if not 0 < step <= SMOOTHING or len(time) < 100 or not np.isfinite(np.hstack([omega, specific])).all():
+    judged = 0 < step <= SMOOTHING and time[-1] - time[0] >= LEAST_SECONDS
+    if not judged or not np.isfinite(np.hstack([omega, specific])).all():
         return
     levers = np.einsum("kn,kij->nij", features(omega.T, np.gradient(omega, time, axis=0).T), FIRST_MOMENT_OF_FEATURES)
     posed = PosedForce(

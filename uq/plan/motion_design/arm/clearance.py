@@ -249,23 +249,23 @@ def _pairs(shapes: tuple[Shape, ...], disabled: set[tuple[str, str]], *, floor: 
 
 def _shape(model: Any, number: int) -> Shape:
     """A shape of MuJoCo's model; a mesh has the axes of its file."""
-    geom, kinds = model.geom(number), mujoco_library().mjtGeom
-    kind, turn, middle = kinds(int(geom.type[0])), _rotation(geom.quat), np.zeros(3)
+    geom, forms = model.geom(number), mujoco_library().mjtGeom
+    form, turn, middle = forms(int(geom.type[0])), _rotation(geom.quat), np.zeros(3)
     radius, length, _ = geom.size
     halves = {
-        kinds.mjGEOM_BOX: geom.size, kinds.mjGEOM_SPHERE: (radius, radius, radius),
-        kinds.mjGEOM_CYLINDER: (radius, radius, length), kinds.mjGEOM_CAPSULE: (radius, radius, length + radius),
+        forms.mjGEOM_BOX: geom.size, forms.mjGEOM_SPHERE: (radius, radius, radius),
+        forms.mjGEOM_CYLINDER: (radius, radius, length), forms.mjGEOM_CAPSULE: (radius, radius, length + radius),
     }  # fmt: skip
-    if kind == kinds.mjGEOM_MESH:
+    if form == forms.mjGEOM_MESH:
         mesh = model.mesh(geom.dataid[0])
         principal = _rotation(model.mesh_quat[mesh.id])  # whose axes MuJoCo gives to the shape
         corners = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]] @ principal.T
         turn, middle = turn @ principal.T, (corners.min(axis=0) + corners.max(axis=0)) / 2
-        halves[kind] = np.ptp(corners, axis=0) / 2
+        halves[form] = np.ptp(corners, axis=0) / 2
     return Shape(
         name=geom.name.rpartition("/")[0], number=number, link=int(geom.bodyid[0]), rotation=turn,
-        position=geom.pos + turn @ middle, half=np.array(halves[kind], float),
-        is_round=kind not in (kinds.mjGEOM_BOX, kinds.mjGEOM_MESH),
+        position=geom.pos + turn @ middle, half=np.array(halves[form], float),
+        is_round=form not in (forms.mjGEOM_BOX, forms.mjGEOM_MESH),
     )  # fmt: skip
 
 
