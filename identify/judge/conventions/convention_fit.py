@@ -15,7 +15,7 @@ whose columns are those of the regressor. Each is linear in its unknowns; a fit 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -32,6 +32,7 @@ from identify.rigid_body.regressor import (
     PI_OF_FORCE,
     cross_matrix,
 )
+from identify.signals.filters import means
 
 SMOOTHING = 0.05
 """Standard deviation of the Gaussian filter [s].
@@ -91,6 +92,9 @@ class ImuSignal(NamedTuple):
     """Angular velocity of the body [rad/s]."""
     specific_force: Float[np.ndarray, "n 3"]
     """Specific force at the IMU [m/s²]."""
+
+
+SignalsT = TypeVar("SignalsT", WrenchSignal, ImuSignal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +184,16 @@ def _turned_features(matrix: np.ndarray) -> Float[np.ndarray, "*m 13 13"]:
     return change
 
 
-def samples_per_mean(rate: float) -> int:
+def samples_per_mean(time: Float[np.ndarray, " n"]) -> int:
     """Return the odd number of samples whose means are judged: odd, so that a sample stands in the middle of them."""
-    return max(1, 2 * int((rate / LEAST_RATE - 1) / 2) + 1)
+    period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    return max(1, 2 * int((1 / (LEAST_RATE * period) - 1) / 2) + 1) if period > 0 else 1
+
+
+def reduced(signals: SignalsT) -> SignalsT:
+    """Return a sensor's signals by means: enough for what looks at them a dozen times."""
+    count = samples_per_mean(signals.time)
+    return type(signals)(*(means(values, count) for values in signals))
 
 
 def convention_sums(wrench: WrenchSignal, imu: ImuSignal) -> ConventionSums | None:

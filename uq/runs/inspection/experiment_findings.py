@@ -12,6 +12,7 @@ from identify.judge.conventions.convention_fit import (
     DeclaredRig,
     ImuSignal,
     WrenchSignal,
+    reduced,
     samples_per_mean,
 )
 from identify.judge.conventions.findings.clock import clock_findings
@@ -19,7 +20,6 @@ from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
-from identify.signals.filters import means
 from identify.signals.run import Run
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
@@ -57,9 +57,7 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     wrench = WrenchSignal(time, run.force[usable], run.moment[usable])
     if clocks := clock_findings(wrench, imu, run.stamps_early + delay, run.name, delay):
         return clocks
-    # a few times the motion's rate is enough for all that follows, which looks at the run a dozen times
-    count = samples_per_mean(run.rate)
-    imu, wrench = ImuSignal(*(means(x, count) for x in imu)), WrenchSignal(*(means(x, count) for x in wrench))
+    imu, wrench, count = reduced(imu), reduced(wrench), samples_per_mean(time)
     attitude = _attitude(run, experiment, np.arange(usable.start, usable.stop)[count // 2 :: count][: len(imu.time)])
     rig = declared_rig(experiment, measured=run.gravity is None, undone=undone, turn_free=turn_free)
     rig = replace(rig, imu_position=run.imu_position)

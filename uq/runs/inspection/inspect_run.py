@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal
+from identify.judge.conventions.convention_fit import MOST_SAMPLES, DeclaredRig, ImuSignal, WrenchSignal, reduced
 from identify.judge.conventions.findings.clock import clock_findings
 from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
@@ -103,10 +103,11 @@ def _without_experiment(
     if len(wrenches) == len(imus) == 1 and all(finding.kind == "unit" for finding in findings):
         (wrench,), (imu,) = wrenches, imus
         signals = WrenchSignal(_seconds(wrench, origin), wrench.force, wrench.moment), _imu_signal(imu, origin)
+        slower = reduced(signals[0]), reduced(signals[1])
         together = (
             clock_findings(*signals, stamps_early(wrench, imu), imu.topic)
-            or list(filter_findings(*signals, wrench.topic))
-            or wrench_findings(*signals, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
+            or list(filter_findings(*slower, wrench.topic))
+            or wrench_findings(*slower, DeclaredRig(), wrench_topic=wrench.topic, imu_topic=imu.topic)
         )
         judged += together
         findings += [topic_finding(finding, imported=False) for finding in together]
