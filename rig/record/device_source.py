@@ -39,7 +39,7 @@ class DeviceSource:
         self.reconnects = 0
         self.downtime = 0  # ns without samples, in states other than ok
         self.clock_jumps = 0  # samples whose device time is no clock's; they are stamped by their arrival
-        self._was_late = False
+        self._was_late, self._untimed = False, False
         self.identity = reader.identity or Identity()
         self._past = Counts()
         serial = not entry.device.NETWORK and not entry.port.startswith(("udp:", "tcp:"))
@@ -120,6 +120,7 @@ class DeviceSource:
         """Measurements of samples that were read together."""
         last = end + self.entry.device.FRAME_BYTES
         arrived = [arrival - round((last - sample.end) * self._byte_time) for sample in samples]
+        samples = self._timed(samples)
         times = [self._device_time(sample) for sample in samples]
         known = [(time, at) for time, at in zip(times, arrived, strict=True) if time is not None]
         if len(known) > 1:
@@ -127,6 +128,16 @@ class DeviceSource:
         ordered = arrived if known else self._in_order(arrived)
         for sample, at, in_order in zip(samples, arrived, ordered, strict=True):
             yield self._measure(sample, arrival, at, in_order)
+
+    def _timed(self, samples: list[Sample]) -> list[Sample]:
+        """Samples without device times that are no whole numbers of ns, which another package's parser may give."""
+        if all(sample.time is None or isinstance(sample.time, int) for sample in samples):
+            return samples
+        if not self._untimed:
+            self._untimed = True
+            what = "gives times that are no int in ns: its samples are stamped on arrival until its parser is corrected"
+            self.troubles.append(f"{self.entry.name}: its kind '{self.entry.device.kind}' {what}")
+        return [sample._replace(time=None) for sample in samples]
 
     def _device_time(self, sample: Sample) -> int | None:
         """Device time [ns] of a sample, by its clock or by a counter whose period is known."""
@@ -230,11 +241,24 @@ class DeviceSource:
         return list(self._rest(now))
 
     @property
+    def incomplete(self) -> str:
+        """Reasons why data are missing, as far as host and device can tell; empty if none are."""
+        counts, line = self.counts, self.entry.device.kind == "line"
+        kind = "lines that are not as `columns` says" if line else "frames with a wrong checksum"
+        reasons = {
+            f"{counts.missing} missing": counts.missing,
+            f"{counts.failures} bad ({kind})": counts.failures,
+            "bytes between frames": counts.resynchronisations and not counts.failures,
+            f"{self.reader.overflow} bytes came faster than they were written": self.reader.overflow,
+            f"{self.downtime * 1e-9:.1f} s without samples": self.downtime,
+            "no samples": self.entry.required and not counts.samples,
+        }
+        return ", ".join(text for text, count in reasons.items() if count)
+
+    @property
     def complete(self) -> bool:
         """Whether no sample is missing, as far as host and device can tell."""
-        counts = self.counts
-        lost = counts.missing + counts.failures + counts.resynchronisations + self.reader.overflow
-        return not lost and not self.downtime and (counts.samples > 0 or not self.entry.required)
+        return not self.incomplete
 
 
 TROUBLES = {

@@ -278,6 +278,7 @@ class Recorder:
             "topic": source.entry.topic,
             "state": source.state,
             "complete": source.complete,
+            "incomplete": source.incomplete,
             **self._facts(source),
             "rate_hz": round(counts.samples / max(self.summary.seconds, 1e-9), 3),
             "clock_offset_ns": round(fit.offset),

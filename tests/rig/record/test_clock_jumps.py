@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rig import runs
+from rig.devices.parser import Sample
 from rig.record.device_clock import ClockTracker
 from rig.record.reader import Event
 from rig.record.recorder import Recorder
@@ -104,3 +105,15 @@ def test_a_recording_outlives_absurd_device_times_and_a_host_clock_that_is_set_b
         assert (np.diff(channel.log_time) >= 0).all()
         assert np.abs(channel.stamp - channel.log_time).max() < 2 * SECOND  # on a busy machine; the faults are hours
         assert abs(channel.log_time - now).max() < 60 * SECOND
+
+
+def test_a_parser_that_gives_seconds_is_reported_and_its_samples_are_kept(source, monkeypatch):
+    """As a device of another package may: ns as int are expected."""
+    monkeypatch.setattr(type(source.parser), "samples", lambda _, frame: [Sample((1.0,), time=float(frame.split()[0]))])
+    list(source.take(Event(0, b"\n")))
+    arrivals = SECOND + np.arange(100) * 10_000_000
+    taken = [m for k, at in enumerate(arrivals.tolist()) for m in source.take(Event(at, b"%f 1\n" % (0.01 * k)))]
+    assert np.abs(np.array([m.stamp for m in taken]) - arrivals).max() < 1_000_000
+    assert source.complete
+    (text,) = source.troubles
+    assert text.startswith("line: its kind 'line' gives times that are no int in ns")

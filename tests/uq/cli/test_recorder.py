@@ -158,14 +158,17 @@ def test_recording_never_loads_jax():
 
 
 def test_what_a_recording_came_to_is_read_at_a_glance():
-    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "rate_hz": 799.96}
-    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "rate_hz": 1.2}
+    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "failures": 0, "rate_hz": 799.96}
+    cell |= {"incomplete": ""}
+    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "failures": 4, "rate_hz": 1.2}
+    imu |= {"incomplete": "3 missing samples, 4 bad frames"}
     summary = Summary("run.mcap", 10.004, 2_345_678, False, {"cell": cell, "imu": imu}, marks=2)
     summary.delays["legs"] = {"delay_s": 0.0213, "delay_correlation": 0.99}
     assert [line.split() for line in summary_lines(summary) if "─" not in line] == [
-        ["device", "topic", "samples", "rate", "[Hz]", "missing", "state"],
-        ["cell", "/wrench", "8,000", "799.96", "0", "ok"],
-        ["imu", "/imu", "12", "1.2", "3", "silent"],
+        ["device", "topic", "samples", "rate", "[Hz]", "missing", "bad", "state"],
+        ["cell", "/wrench", "8,000", "799.96", "0", "0", "ok"],
+        ["imu", "/imu", "12", "1.2", "3", "4", "silent"],
         ["legs:", "the", "IMU", "follows", "it", "by", "21.3", "ms"],
-        ["run.mcap:", "10.0", "s,", "2.3", "MB,", "2", "marks,", "NOT", "COMPLETE"],
+        ["run.mcap:", "10.0", "s,", "2.3", "MB,", "2", "marks,"]
+        + ["NOT", "COMPLETE;", "imu:", "3", "missing", "samples,", "4", "bad", "frames"],
     ]
