@@ -39,10 +39,11 @@ class ClockTracker:
         self._hull: list[tuple[int, int]] = []
         self._fit: ClockFit | None = None
         self._last: tuple[int, int] | None = None  # device time and stamp of the sample before
-        self.late = 0  # ns by which the stamp before the last has proved late
+        self.late = 0  # ns by which stamps have proved late: a sample arrived so much before the line
 
     def begin(self) -> None:
         """Forget the stamps so far, and of the fit all but the fastest arrival: others may have waited to be read."""
+        self.late = 0
         self._hull, self._fit = sorted(self._hull, key=itemgetter(1))[:1], None
         if self._last is not None:
             self._last = self._last[0], -LARGEST
@@ -88,7 +89,13 @@ class ClockTracker:
             if not -JUMP <= step <= later[1] - arrival + JUMP or later[0] > LARGEST:
                 break
             device, arrival = later
+        self._prove(device, arrival)
         self.add(device, arrival)
+
+    def _prove(self, device: int, arrival: int) -> None:
+        """Notice that stamps so far are late."""
+        if self._last is not None and self._last[1] > -LARGEST and device > self._hull[-1][0]:
+            self.late = max(self.late, self.fit.host(device) - arrival)
 
     def stamp(self, device: int, arrival: int) -> int:
         """Take a sample and return its time of measurement in host time [ns].
@@ -96,11 +103,11 @@ class ClockTracker:
         The fit falls as faster samples arrive. Stamps follow it at half the device's pace, so that none steps back, or
         slower where they would be later than their arrivals.
         """
+        self._prove(device, arrival)
         self.add(device, arrival)
-        stamp, latest, self.late = self.fit.host(device), arrival, 0
+        stamp, latest = self.fit.host(device), arrival
         if self._last is not None and device > self._last[0]:
             before, stamped = self._last
-            self.late = stamped - self.fit.host(before)
             stamp = max(stamp, stamped + (device - before + 1) // 2)
             latest = max(arrival, stamped + 1)
         stamp = min(stamp, latest)

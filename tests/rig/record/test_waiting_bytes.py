@@ -101,3 +101,12 @@ def test_late_stamps_are_reported_once(tmp_path):
     assert (np.diff(stamps) > 0).all()
     np.testing.assert_allclose(stamps[6:], np.array(arrivals[6:]), rtol=0, atol=MS)
     assert source.troubles == ["d: its bytes waited to be read: some stamps are late by 10 ms or more"]
+
+
+def test_a_clock_that_is_off_by_a_percent_is_no_late_read(tmp_path):
+    """As a ceramic resonator: when the skew is known, after two seconds, the line moves by 20 ms."""
+    source = device_source(tmp_path, RIGS["clock"].format(rate=50))
+    emulator = source.entry.device.emulator(rate=50.0)
+    for k in range(300):
+        list(source.take(Event(OPENED + 20 * MS * k, emulator.frame(k, 0.0202 * k, (1.0,) * 6))))
+    assert source.troubles == []
