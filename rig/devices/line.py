@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from rig.devices.base import IMU, WRENCH, Device, Emulator, Measures
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.exceptions import RigError, quoted
+from rig.exceptions import RigError, listed, quoted
 
 GRAVITY = 9.80665  # m/s^2, standard
 POUND = 4.4482216152605  # N, of a pound-force
@@ -178,7 +178,7 @@ def _column(text: object) -> tuple[str, float]:
     units = units if name == "time" else {"1": 1.0, **units}
     *counts, unit = rest or ["1"]
     if unit not in units or len(counts) > 1:
-        raise RigError(f"column {quoted(text)} of a line device has an unknown unit: choose one of {', '.join(units)}")
+        raise RigError(f"column {quoted(text)} of a line device has an unknown unit: choose one of {listed(units)}")
     try:
         factor = float(*counts) if counts else 1.0
     except ValueError:

@@ -84,6 +84,9 @@ def test_list_names_the_devices_that_answer(tmp_path, capsys, monkeypatch, kinds
 XSENS = "[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\n"
 
 
+LINES = "[[device]]\nname = 'a'\nkind = 'line'\nport = '/dev/x'\n"
+
+
 RATES = ("0", "-1", "nan", "inf", "1e400", "1e-9", "1e6", "9" * 401)
 
 
@@ -126,6 +129,10 @@ ADDRESSES = [
         (f"{XSENS}x = 0{'[' * 2000}", "not a TOML file"),
         (f"{XSENS}baudrate = {'9' * 5000}", "not a TOML file"),
         (f"{XSENS}options = {{ rate = 0x{'f' * 5000} }}", "not a TOML file"),
+        ("[[device]]\nname = '" + "a" * 41 + "'\nkind = 'xsens'\nport = '/dev/x'", "use at most 40 characters"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/" + "x" * 300 + "'", "at most 120 characters"),
+        (f"{LINES}options = {{ columns = ['a parsec'] }}", "choose one of"),
+        (f"{LINES}options = {{ columns = ['force_x parsec'] }}", "N, kN, gf, kgf, lbf"),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:" + "9" * 5000 + "'", "udp:NUMBER"),
         *((f"{XSENS}baudrate = {value}", "baudrate is") for value in (0, -1, "nan", "inf", "1e400", 0.5)),
         *((f"{XSENS}options = {{ rate = {rate} }}", "'rate' of device kind 'xsens' is out of range") for rate in RATES),
@@ -139,6 +146,7 @@ def test_a_wrong_rig_file_says_what_to_do(tmp_path, capsys, text, words):
     err = capsys.readouterr().err
     assert words in err
     assert err.count("\n") == 1
+    assert len(err) <= 200 + len(str(tmp_path))
     assert not (tmp_path / "run.mcap").exists()
 
 
