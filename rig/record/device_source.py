@@ -177,8 +177,10 @@ class DeviceSource:
             stamp = self.clock.stamp(device, arrived)
             if self.clock.late > LATE and self._stamped_by == "clock" and not self._was_late:
                 self._was_late = True
-                what = f"its bytes waited to be read: some stamps are late by {LATE // 10**6} ms or more"
-                self.troubles.append(f"{self.entry.name}: {what}")
+                why = "its bytes waited to be read, or its clock is not steady"
+                self.troubles.append(
+                    f"{self.entry.name}: stamps until here are late by {LATE // 10**6} ms or more: {why}"
+                )
             return stamp
         if not self.clock_jumps:
             self.troubles.append(f"{self.entry.name}: its clock jumps: these samples are stamped on arrival")

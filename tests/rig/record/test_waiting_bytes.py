@@ -100,7 +100,8 @@ def test_late_stamps_are_reported_once(tmp_path):
     assert (stamps <= arrivals).all()
     assert (np.diff(stamps) > 0).all()
     np.testing.assert_allclose(stamps[6:], np.array(arrivals[6:]), rtol=0, atol=MS)
-    assert source.troubles == ["d: its bytes waited to be read: some stamps are late by 10 ms or more"]
+    (text,) = source.troubles
+    assert text.startswith("d: stamps until here are late by 10 ms or more: its bytes waited to be read, or")
 
 
 def test_a_clock_that_is_off_by_a_percent_is_no_late_read(tmp_path):

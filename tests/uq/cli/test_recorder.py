@@ -50,6 +50,16 @@ def test_a_recording_goes_on_when_nobody_reads_its_messages(emulated, tmp_path):
     assert inspect(tmp_path / "r.mcap").findings == []
 
 
+@pytest.mark.parametrize(("closed", "said"), [("2>&-", "complete"), (">&- 2>&-", "")])
+def test_a_recording_goes_on_where_streams_are_closed(emulated, tmp_path, closed, said):
+    command = [sys.executable, "-m", "uq.cli.main", "record", str(emulated), "-o", str(tmp_path / "r.mcap")]
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command, "--seconds", "0.5"]
+    done = subprocess.run(shell, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0
+    assert said in done.stdout
+    assert inspect(tmp_path / "r.mcap").findings == []
+
+
 class Gone(io.StringIO):
     """A terminal that is gone, or a pipe that nobody reads."""
 
