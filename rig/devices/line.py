@@ -2,7 +2,7 @@
 
 ``columns = ["time us", "force_x N", "_", ...]`` names each column and its unit; ``_`` passes a column over. With the
 six names of a wrench or an IMU the device measures that; any other names are recorded as named values. ``time`` and
-``counter`` are the device's clock and counter.
+``counter`` are the device's clock and counter. ``force_x 0.0125 N`` is a column of counts, each 0.0125 N.
 """
 
 import math
@@ -10,34 +10,38 @@ from typing import ClassVar
 
 from rig.devices.base import IMU, WRENCH, Device, Emulator, Measures
 from rig.devices.parser import NO_FRAME, WAIT, Parser, Sample
-from rig.exceptions import RigError, quoted
+from rig.exceptions import RigError, listed, quoted
 
-UNITS = {
-    "1": 1.0,
-    "N": 1.0,
-    "kN": 1e3,
-    "N*m": 1.0,
-    "N*mm": 1e-3,
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180,
-    "m/s^2": 1.0,
-    "g": 9.80665,
-    "mg": 9.80665e-3,
-    "rad": 1.0,
-    "deg": math.pi / 180,
-    "m": 1.0,
-    "mm": 1e-3,
-    "s": 1e9,
-    "ms": 1e6,
-    "us": 1e3,
-    "ns": 1.0,
+GRAVITY = 9.80665  # m/s^2, standard
+POUND = 4.4482216152605  # N, of a pound-force
+UNITS_OF = {
+    "force": {"N": 1.0, "kN": 1e3, "gf": 1e-3 * GRAVITY, "kgf": GRAVITY, "lbf": POUND},
+    "moment": {
+        "N*m": 1.0,
+        "N*mm": 1e-3,
+        "gf*cm": 1e-5 * GRAVITY,
+        "kgf*cm": 1e-2 * GRAVITY,
+        "kgf*m": GRAVITY,
+        "lbf*in": 0.0254 * POUND,
+        "lbf*ft": 0.3048 * POUND,
+    },
+    "omega": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "specific_force": {"m/s^2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "length": {"m": 1.0, "mm": 1e-3},
+    "time": {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0},
 }
-TIME_UNITS = ("s", "ms", "us", "ns")
+"""Units and their factors to SI, of time to ns, by quantity."""
+UNITS = {unit: factor for units in UNITS_OF.values() for unit, factor in units.items()}
 LONGEST = 512
 
 
 class LineParser(Parser):
-    """Lines to samples. What comes before the first line end may be half a line and is passed over."""
+    """Lines to samples.
+
+    What comes before the first line end may be half a line and is passed over; so are empty lines, comments (``#``),
+    and any text before the first line of numbers.
+    """
 
     MODULUS = 2**32
     NARROW = (2**8, 2**16)
@@ -77,6 +81,9 @@ class LineParser(Parser):
                 self._skip(length)
             elif self.frame_length(buffer, position) == length:
                 self._accept(bytes(buffer[position : end + 1]), samples)
+            elif bytes(buffer[position:end]).strip()[:1] in (b"", b"#"):  # empty, or a comment
+                self.counts.skipped += length
+                self._done += length
             else:
                 self._reject(length)
             self._at_start = True
@@ -165,11 +172,20 @@ class Line(Device):
 
 
 def _column(text: object) -> tuple[str, float]:
-    name, _, unit = str(text).partition(" ")
-    unit = unit.strip() or "1"
-    if unit not in UNITS or (name == "time" and unit not in TIME_UNITS):
-        raise RigError(f"column {quoted(text)} of a line device has an unknown unit: choose one of {', '.join(UNITS)}")
-    return name, UNITS[unit]
+    """Name and factor of a column, such as ``force_x N``, or ``force_x 0.0125 N`` where a count is 0.0125 N."""
+    name, *rest = str(text).split() or [""]
+    units = UNITS_OF.get(name[:-2] if name in (*WRENCH, *IMU) else name, UNITS)
+    units = units if name == "time" else {"1": 1.0, **units}
+    *counts, unit = rest or ["1"]
+    if unit not in units or len(counts) > 1:
+        raise RigError(f"column {quoted(text)} of a line device has an unknown unit: choose one of {listed(units)}")
+    try:
+        factor = float(*counts) if counts else 1.0
+    except ValueError:
+        factor = math.nan
+    if not (math.isfinite(factor * units[unit]) and factor):
+        raise RigError(f"column {quoted(text)} of a line device has no factor: write the size of a count and its unit")
+    return name, units[unit] * factor
 
 
 class LineEmulator(Emulator):

@@ -180,11 +180,11 @@ class Parser(ABC):
             counts.samples += 1
             counts.flagged += sample.flagged
             if sample.counter is not None:
-                counter = self._unwrap(sample.counter)
+                counter = self._unwrap(int(sample.counter))
                 number = counter - self._without_sample
                 samples.append(sample._replace(end=self._done, number=number, counter=counter))
                 continue
-            gap = self._gap(sample.time) if sample.time is not None and self._period else 0
+            gap = self._gap(sample.time) if isinstance(sample.time, int) and self._period else 0
             counts.missing += gap
             samples.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1, gap=gap))
 

@@ -4,6 +4,7 @@ Chunks are searched for over the whole file, whatever the records around them sa
 chunks behind it. What lies between chunks (metadata, definitions, messages outside chunks) is read record by record.
 """
 
+import errno
 import mmap
 import os
 import re
@@ -116,11 +117,27 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
         if os.fstat(stream.fileno()).st_size < len(MAGIC):
             raise RigError(f"nothing to recover in {path}: it ends before its first chunk")
         with closing(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)) as data:
-            return _recover(path, data, output)
+            return _recover(path, data, output, list(_extents(stream.fileno(), len(data))))
 
 
-def _recover(path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str]) -> Recovery:
-    intact = _find_intact(data, UnpackBudget(path))
+def _extents(handle: int, size: int) -> Iterator[tuple[int, int]]:
+    """Start and end of each part of an open file that is on disk; a sparse file may have holes of any size between."""
+    position = 0
+    while position < size:
+        try:
+            start = os.lseek(handle, position, os.SEEK_DATA)
+            position = os.lseek(handle, start, os.SEEK_HOLE)
+        except (OSError, AttributeError) as error:  # AttributeError: Windows
+            if getattr(error, "errno", None) != errno.ENXIO:
+                yield position, size  # the system cannot tell
+            return
+        yield start, position
+
+
+def _recover(
+    path: str | os.PathLike[str], data: mmap.mmap, output: str | os.PathLike[str], extents: list[tuple[int, int]]
+) -> Recovery:
+    intact = _find_intact(data, extents, UnpackBudget(path))
     result = Recovery(intact=_is_intact(path), lost_bytes=sum(intact.gaps), cut=intact.only_cut)
     trusted = result.intact or intact.only_cut
     _summary(data, intact, trusted, result)
@@ -170,10 +187,11 @@ def _is_intact(path: str | os.PathLike[str]) -> bool:
     return True
 
 
-def _find_intact(data: mmap.mmap, budget: UnpackBudget) -> _IntactRecords:
+def _find_intact(data: mmap.mmap, extents: list[tuple[int, int]], budget: UnpackBudget) -> _IntactRecords:
     intact = _IntactRecords(finished=data[-len(MAGIC) :] == MAGIC)
     position = len(MAGIC)
-    for match in CHUNK_START.finditer(data):
+    starts = (CHUNK_START.finditer(data, start, end + HEADER.size) for start, end in extents)
+    for match in chain.from_iterable(starts):
         if match.start() < position or (batch := _chunk_at(data, match.start(), budget)) is None:
             continue
         _between(data, position, match.start(), intact)

@@ -38,9 +38,10 @@ def estimate(
     if len(grid) < 4 * reach:
         return None
     x, y = np.interp(grid, time_a, a), np.interp(grid, time_b, b)[reach : len(grid) - reach]
-    correlation = _coefficients(x, y)[::-1]  # from shift -reach to +reach
+    with np.errstate(all="ignore"):  # absurd readings give no number, and no delay
+        correlation = _coefficients(x, y)[::-1]  # from shift -reach to +reach
     peak = int(np.argmax(correlation))
-    if correlation[peak] < LEAST_CORRELATION or peak in (0, len(correlation) - 1):
+    if not correlation[peak] >= LEAST_CORRELATION or peak in (0, len(correlation) - 1):
         return None
     left, middle, right = correlation[peak - 1 : peak + 2]
     shift = 0.5 * (left - right) / (left - 2 * middle + right)
@@ -74,7 +75,8 @@ def of_command(
     time_a, a = _arrays(command, origin)
     time_b, b = _arrays(imu, origin)
     columns = {axis: a[:, names.index(f"omega_{'xyz'[axis]}")] for axis in axes}
-    axis = max(axes, key=lambda i: float(columns[i].var()))
+    with np.errstate(all="ignore"):
+        axis = max(axes, key=lambda i: float(columns[i].var()))
     return estimate(time_a, columns[axis], time_b, b[:, axis])
 
 

@@ -39,6 +39,14 @@ class ClockTracker:
         self._hull: list[tuple[int, int]] = []
         self._fit: ClockFit | None = None
         self._last: tuple[int, int] | None = None  # device time and stamp of the sample before
+        self.late = 0  # ns by which stamps have proved late: a sample arrived so much before the line
+
+    def begin(self) -> None:
+        """Forget the stamps so far, and of the fit all but the fastest arrival: others may have waited to be read."""
+        self.late = 0
+        self._hull, self._fit = sorted(self._hull, key=itemgetter(1))[:1], None
+        if self._last is not None:
+            self._last = self._last[0], -LARGEST
 
     def add(self, device: int, arrival: int) -> None:
         """Take a sample's device time and arrival time [ns]; a device time that goes back is ignored."""
@@ -63,19 +71,46 @@ class ClockTracker:
 
     def jumps(self, device: int, arrival: int) -> bool:
         """Whether a device time [ns] cannot belong to the clock so far: far back, or measured long after it arrived."""
-        if self._last is None or abs(device) > LARGEST:
+        if not self._hull or abs(device) > LARGEST:
             return abs(device) > LARGEST
-        return device < self._last[0] - JUMP or self.fit.host(device) > arrival + JUMP
+        back = self._last is not None and device < self._last[0] - JUMP
+        return back or self.fit.host(device) > arrival + JUMP
+
+    def foresee(self, times: list[tuple[int, int]]) -> None:
+        """Take device times and arrivals of samples that were read together, before the first of them is stamped.
+
+        The others waited for the last: with it the fit falls at once, and only the last says something of the clock.
+        """
+        device, arrival = times[0]
+        if self.jumps(device, arrival):
+            return
+        for later in times[1:]:
+            step = later[0] - device
+            if not -JUMP <= step <= later[1] - arrival + JUMP or later[0] > LARGEST:
+                break
+            device, arrival = later
+        self._prove(device, arrival)
+        self.add(device, arrival)
+
+    def _prove(self, device: int, arrival: int) -> None:
+        """Notice that stamps so far are late."""
+        if self._last is not None and self._last[1] > -LARGEST and device > self._hull[-1][0]:
+            self.late = max(self.late, self.fit.host(device) - arrival)
 
     def stamp(self, device: int, arrival: int) -> int:
         """Take a sample and return its time of measurement in host time [ns].
 
-        The fit falls as faster samples arrive. Stamps follow it at half the device's pace, so that none steps back.
+        The fit falls as faster samples arrive. Stamps follow it at half the device's pace, so that none steps back, or
+        slower where they would be later than their arrivals.
         """
+        self._prove(device, arrival)
         self.add(device, arrival)
-        stamp = self.fit.host(device)
+        stamp, latest = self.fit.host(device), arrival
         if self._last is not None and device > self._last[0]:
-            stamp = max(stamp, self._last[1] + (device - self._last[0] + 1) // 2)
+            before, stamped = self._last
+            stamp = max(stamp, stamped + (device - before + 1) // 2)
+            latest = max(arrival, stamped + 1)
+        stamp = min(stamp, latest)
         self._last = device, stamp
         return stamp
 
@@ -124,7 +159,6 @@ class CounterClock:
         tracker = ClockTracker()
         for count, arrived in first:
             tracker.add(self.time(count), arrived)
-        tracker.go_on(self.time(counter), arrival)
         first.clear()
         return tracker
 

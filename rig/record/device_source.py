@@ -17,6 +17,7 @@ LAST_SILENCE = 0.3  # the same at the end of a recording
 JUMPED = 20  # samples in a row off the device's clock, after which it counts as set anew
 BUFFERED = 8192  # bytes that adapter and system may hold back and give at once
 BABBLE = 2000  # bytes without a sample that are worth a message
+LATE = 10_000_000  # ns by which a stamp of the device's clock has proved late, that are worth a message
 
 
 class Measurement(NamedTuple):
@@ -38,6 +39,7 @@ class DeviceSource:
         self.reconnects = 0
         self.downtime = 0  # ns without samples, in states other than ok
         self.clock_jumps = 0  # samples whose device time is no clock's; they are stamped by their arrival
+        self._was_late, self._untimed = False, False
         self.identity = reader.identity or Identity()
         self._past = Counts()
         serial = not entry.device.NETWORK and not entry.port.startswith(("udp:", "tcp:"))
@@ -50,8 +52,9 @@ class DeviceSource:
         self.begin(now)
 
     def begin(self, now: int) -> None:
-        """Restart the counts here; the fit of the clocks goes on."""
+        """Restart counts and stamps here; the fit of the clocks goes on."""
         self.parser.begin()
+        self.clock.begin()
         self._forget_counter()  # the parser has forgotten its wraps
         self._last_sample, self._bytes_since, self._before = now, 0, 0
         self._jumped_over = 0  # samples that only a jump of the clock makes seem missing
@@ -85,9 +88,8 @@ class DeviceSource:
             before = self.parser.counts.bytes
             samples = self.parser.feed(event.data)
             end = before + len(event.data)
-            for sample in samples:
-                yield self._measure(sample, event.time, end)
             if samples:
+                yield from self._measure_all(samples, event.time, end)
                 self._change("ok", event.time)
                 self._last_sample, self._bytes_since = event.time, 0
 
@@ -111,18 +113,45 @@ class DeviceSource:
 
     def _rest(self, now: int) -> Iterator[Measurement]:
         """Take the samples that the parser still held back when the bytes ended."""
-        for sample in self.parser.finish():
-            yield self._measure(sample, now, self.parser.counts.bytes)
+        if samples := self.parser.finish():
+            yield from self._measure_all(samples, now, self.parser.counts.bytes)
 
-    def _measure(self, sample: Sample, arrival: int, end: int) -> Measurement:
-        arrived = arrival - round((end - sample.end + self.entry.device.FRAME_BYTES) * self._byte_time)
+    def _measure_all(self, samples: list[Sample], arrival: int, end: int) -> Iterator[Measurement]:
+        """Measurements of samples that were read together."""
+        last = end + self.entry.device.FRAME_BYTES
+        arrived = [arrival - round((last - sample.end) * self._byte_time) for sample in samples]
+        samples = self._timed(samples)
+        times = [self._device_time(sample) for sample in samples]
+        known = [(time, at) for time, at in zip(times, arrived, strict=True) if time is not None]
+        if len(known) > 1:
+            self.clock.foresee(known)
+        ordered = arrived if known else self._in_order(arrived)
+        for sample, at, in_order in zip(samples, arrived, ordered, strict=True):
+            yield self._measure(sample, arrival, at, in_order)
+
+    def _timed(self, samples: list[Sample]) -> list[Sample]:
+        """Samples without device times that are no whole numbers of ns, which another package's parser may give."""
+        if all(sample.time is None or isinstance(sample.time, int) for sample in samples):
+            return samples
+        if not self._untimed:
+            self._untimed = True
+            what = "gives times that are no int in ns: its samples are stamped on arrival until its parser is corrected"
+            self.troubles.append(f"{self.entry.name}: its kind '{self.entry.device.kind}' {what}")
+        return [sample._replace(time=None) for sample in samples]
+
+    def _device_time(self, sample: Sample) -> int | None:
+        """Device time [ns] of a sample, by its clock or by a counter whose period is known."""
+        by_counter = sample.counter is not None and self._counter.period and self._stamped_by == "counter"
+        return self._counter.time(sample.counter or 0) if sample.time is None and by_counter else sample.time
+
+    def _measure(self, sample: Sample, arrival: int, arrived: int, in_order: int) -> Measurement:
         jumps = self.clock_jumps
         if sample.time is not None:
             self._stamped_by, stamp = "clock", self._stamp(sample.time, arrived)
         elif sample.counter is not None and self._stamped_by != "arrival":
-            stamp = self._count(sample.counter, arrived)
+            stamp = self._count(sample.counter, arrived, in_order)
         else:
-            stamp = arrived if sample.counter is not None else self._in_order(arrived)
+            stamp = in_order
         self._jumped_over += sample.gap * (self._after_jump or self.clock_jumps > jumps)
         self._after_jump = self.clock_jumps > jumps
         number = sample.number if sample.counter is not None else sample.number + self._before - self._jumped_over
@@ -130,19 +159,29 @@ class DeviceSource:
             arrival, stamp, number, sample.values if self._plain else turned(self._matrix, sample.values)
         )
 
-    def _in_order(self, arrived: int) -> int:
-        """The arrival, or half a sample after the one before: of bytes that were held up, the rest comes too soon."""
-        rate = self.entry.device.rate
-        if rate and arrived <= self._latest:
-            arrived = self._latest + round(0.5e9 / rate)
-        self._latest = arrived
-        return arrived
+    def _in_order(self, arrived: list[int]) -> list[int]:
+        """Arrivals, half a sample apart where bytes were held up: none later than it was, all after those before."""
+        times, half = list(arrived), round(0.5e9 / self.entry.device.rate) if self.entry.device.rate else 0
+        for k in range(len(times) - 1, 0, -1):
+            times[k - 1] = min(times[k - 1], times[k] - half)
+        if times[0] < (before := self._latest) + bool(half):
+            count, room = len(times), max(times[-1] - before, len(times))
+            times = [before + room * (k + 1) // count for k in range(count)]
+        self._latest = times[-1]
+        return times
 
     def _stamp(self, device: int, arrived: int) -> int:
         """The time of measurement, by the device's clock as long as it is one."""
         if not self.clock.jumps(device, arrived):
             self._jumped = 0
-            return self.clock.stamp(device, arrived)
+            stamp = self.clock.stamp(device, arrived)
+            if self.clock.late > LATE and self._stamped_by == "clock" and not self._was_late:
+                self._was_late = True
+                why = "its bytes waited to be read, or its clock is not steady"
+                self.troubles.append(
+                    f"{self.entry.name}: stamps until here are late by {LATE // 10**6} ms or more: {why}"
+                )
+            return stamp
         if not self.clock_jumps:
             self.troubles.append(f"{self.entry.name}: its clock jumps: these samples are stamped on arrival")
         self.clock_jumps += 1
@@ -152,12 +191,14 @@ class DeviceSource:
             self._forget_counter()
         return arrived
 
-    def _count(self, counter: int, arrived: int) -> int:
+    def _count(self, counter: int, arrived: int, in_order: int) -> int:
         """The time of measurement by a device's counter, once its period is known and as long as it is steady."""
         self._stamped_by = "counter"
         if not self._counter.period:
-            self.clock = self._counter.learn(counter, arrived) or self.clock
-            return arrived
+            if clock := self._counter.learn(counter, arrived):
+                self.clock = clock
+                clock.go_on(self._counter.time(counter), in_order)
+            return in_order
         jumped = self.clock_jumps
         stamp = self._stamp(self._counter.time(counter), arrived)
         if self.clock_jumps == jumped and not self._counter.watch(arrived, stamp):
@@ -202,11 +243,24 @@ class DeviceSource:
         return list(self._rest(now))
 
     @property
+    def incomplete(self) -> str:
+        """Reasons why data are missing, as far as host and device can tell; empty if none are."""
+        counts, line = self.counts, self.entry.device.kind == "line"
+        kind = "lines that are not as `columns` says" if line else "frames with a wrong checksum"
+        reasons = {
+            f"{counts.missing} missing": counts.missing,
+            f"{counts.failures} bad ({kind})": counts.failures,
+            "bytes between frames": counts.resynchronisations and not counts.failures,
+            f"{self.reader.overflow} bytes came faster than they were written": self.reader.overflow,
+            f"{self.downtime * 1e-9:.1f} s without samples": self.downtime,
+            "no samples": self.entry.required and not counts.samples,
+        }
+        return ", ".join(text for text, count in reasons.items() if count)
+
+    @property
     def complete(self) -> bool:
         """Whether no sample is missing, as far as host and device can tell."""
-        counts = self.counts
-        lost = counts.missing + counts.failures + counts.resynchronisations + self.reader.overflow
-        return not lost and not self.downtime and (counts.samples > 0 or not self.entry.required)
+        return not self.incomplete
 
 
 TROUBLES = {

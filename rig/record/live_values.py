@@ -1,5 +1,6 @@
 """Live values of a rig without a file: rates, and at rest the force, the moment and gravity that the sensors see."""
 
+import math
 import time
 from collections.abc import Iterator
 
@@ -38,12 +39,13 @@ def describe(source: DeviceSource, rows: list[tuple[float, ...]], seconds: float
     if not rows:
         return f"{name}: no samples ({source.state})"
     values = np.array(rows)
-    mean, deviation = values.mean(axis=0), values.std(axis=0)
+    with np.errstate(all="ignore"):  # of absurd readings the line tells enough
+        mean, deviation = values.mean(axis=0), values.std(axis=0)
     head = f"{name}: {len(rows) / seconds:.0f} Hz, {source.counts.missing} missing, {source.counts.failures} bad"
     if measures == "wrench":
         return f"{head}, force {_triple(mean[:3], deviation[:3])} N, moment {_triple(mean[3:6], deviation[3:6])} N*m"
     if measures == "imu":
-        gravity = float(np.linalg.norm(mean[3:]))
+        gravity = math.hypot(*mean[3:])
         return (
             f"{head}, angular velocity {_triple(mean[:3], deviation[:3])} rad/s, "
             f"specific force {_triple(mean[3:], deviation[3:])} m/s^2, gravity {gravity:.4f} m/s^2"

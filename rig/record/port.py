@@ -240,7 +240,8 @@ def _reason(path: str, baudrate: int, error: Exception) -> RigError:
         return RigError(f"no port {path}: plug the device in, `inertia record --list` shows what is there")
     if isinstance(error, ValueError):
         return RigError(f"baud rate {baudrate} is not possible on port {path}: choose another `baudrate`")
-    return RigError(f"cannot open port {path} ({error}): is it a serial port?")
+    text = str(error) if code is None else os.strerror(code)
+    return RigError(f"cannot open port {path} ({text}): is it a serial port?")
 
 
 def latency_file(path: str) -> Path:

@@ -12,6 +12,7 @@ from rig.record.port import Port, PortLostError, converse, open_port
 from rig.record.rig_file import DeviceEntry
 
 LIMIT = 8 * 2**20  # bytes that may wait for the writer, per device
+WAITED = 200_000  # ns that a read takes, at least, if nothing was there yet
 PAUSE = 0.2  # seconds between attempts to find a lost port again
 
 
@@ -25,7 +26,10 @@ class Event(NamedTuple):
 
 
 class Reader(threading.Thread):
-    """Reads one device until stopped. ``failure`` is what ended it otherwise; ``identity`` is set when it is ready."""
+    """Reads one device until stopped. ``failure`` is what ended it otherwise; ``identity`` is set when it is ready.
+
+    ``caught_up`` is set when what waited in the port at its opening has been read.
+    """
 
     def __init__(self, entry: DeviceEntry, port_name: str) -> None:
         super().__init__(name=f"reader of {entry.name}", daemon=True)
@@ -34,6 +38,7 @@ class Reader(threading.Thread):
         self.identity: Identity | None = None
         self.failure: Exception | None = None
         self.overflow = 0
+        self.caught_up = False
         self._port_name = port_name
         self._halt = threading.Event()
         self._pushed = 0
@@ -81,8 +86,10 @@ class Reader(threading.Thread):
 
     def _listen(self, port: Port) -> None:
         while not self._halt.is_set():
+            before = time.monotonic_ns()
             data = port.read()
             now = time.monotonic_ns()
+            self.caught_up |= now - before > WAITED
             if not data:
                 continue
             if self._pushed - self.taken > LIMIT:

@@ -118,6 +118,13 @@ class Recorder:
                 f"output deleted while recording {self._path}: what was recorded is lost, "
                 "record again and leave the file until the end"
             )
+        if self._sink.place == "cut":
+            self._say_all(
+                [
+                    f"{self._path} was cut by another program while recording: what was written until then is lost, "
+                    f"`inertia recover {self._path} -o NEW.mcap` saves the rest"
+                ]
+            )
         if self._sink.place == "moved":
             self._say_all([f"{self._path} was moved or replaced while recording: look for the file under its new name"])
 
@@ -260,7 +267,7 @@ class Recorder:
         self._status(now)
         self._estimate_delays()
         summary.seconds = (now - start) * 1e-9
-        summary.complete = all(source.complete for source in self._session.sources)
+        summary.complete = all(source.complete for source in self._session.sources) and self._sink.place != "cut"
         facts = {"complete": json.dumps(summary.complete), "seconds": f"{summary.seconds:.3f}"}
         for name, device in summary.devices.items():
             facts |= {f"{name}.{key}": str(value) for key, value in device.items()}
@@ -278,6 +285,7 @@ class Recorder:
             "topic": source.entry.topic,
             "state": source.state,
             "complete": source.complete,
+            "incomplete": source.incomplete,
             **self._facts(source),
             "rate_hz": round(counts.samples / max(self.summary.seconds, 1e-9), 3),
             "clock_offset_ns": round(fit.offset),

@@ -52,13 +52,14 @@ class Sink:
         self.path = path
         as_bytes = getattr(os, "O_BINARY", 0)  # Windows writes text unless told otherwise
         self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | as_bytes, 0o666)
-        self._unwanted = False
+        self._unwanted, self._was_cut = False, False
         self._position = 0
         self.whole = 0
 
     def write(self, data: bytes | bytearray | memoryview) -> int:
         """Write all of ``data`` or raise OSError."""
         view = memoryview(data)
+        self._was_cut |= os.fstat(self._handle).st_size < self._position
         while view:
             count = os.write(self._handle, view)
             self._position += count
@@ -82,11 +83,17 @@ class Sink:
         self._position = self.whole
 
     @property
-    def place(self) -> Literal["there", "moved", "deleted"]:
-        """State of the file under its name; what is written to a deleted file is lost with the process."""
+    def place(self) -> Literal["there", "moved", "deleted", "cut"]:
+        """State of the file under its name; what is written to a deleted file is lost with the process.
+
+        One that another program has cut has zeros up to where writing went on.
+        """
         here = os.fstat(self._handle)
         if not here.st_nlink:
             return "deleted"
+        self._was_cut |= here.st_size < self._position
+        if self._was_cut:
+            return "cut"
         try:
             return "there" if os.path.samestat(here, os.stat(self.path)) else "moved"
         except OSError:

@@ -22,6 +22,8 @@ IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 OWN_TOPICS = ("/diagnostics", "/mark")
 """Topics that every recording has, beside /raw/NAME."""
 DEFAULT_TOPIC = {"wrench": "/wrench", "imu": "/imu", "joints": "/joint_states"}
+LONGEST_NAME, LONGEST_PORT = 40, 120
+"""Characters of a device's name and of a port's, which messages repeat."""
 Row = tuple[float, float, float]
 Text = Annotated[str, msgspec.Meta(min_length=1)]
 
@@ -55,9 +57,11 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
     """Settings of the device's kind; see docs/how-to/rig.md."""
 
     def __post_init__(self) -> None:
-        """Refuse a name, a port or a rotation that is none."""
+        """Refuse a name, a port or a rotation that is none, or too long for a message or a table."""
         if not self.name.isidentifier():
             raise WrongKeyError("name", "use letters, digits and underscores")
+        if len(self.name) > LONGEST_NAME:
+            raise WrongKeyError("name", f"use at most {LONGEST_NAME} characters")
         self._check_port()
         rows = np.array(self.rotation_to_body)
         with np.errstate(all="ignore"):
@@ -66,6 +70,9 @@ class DeviceTable(TomlTable, frozen=True, kw_only=True):
             raise WrongKeyError("rotation_to_body", "its rows must be orthonormal, right-handed", "is no rotation")
 
     def _check_port(self) -> None:
+        other = self.port.startswith(("emulator:", "udp:")) and not on_network(self.port)
+        if len(self.port) > LONGEST_PORT and not other:
+            raise WrongKeyError("port", f"write a path of at most {LONGEST_PORT} characters, if need be by a link")
         if on_network(self.port):
             try:
                 Address.of(self.port, 1)

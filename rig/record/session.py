@@ -19,6 +19,7 @@ from rig.record.rig_file import DeviceEntry, Rig
 
 CONNECT_LIMIT = 12.0  # seconds for all devices to introduce themselves
 FIRST_SAMPLE = 2.0  # seconds until every device must have sent a sample, once it is started
+CATCH_UP = 0.5  # seconds to read what waited in the ports; a reader that never waits is not waited for
 LAST_BYTES = 0.05  # seconds
 COARSE = 1e-3  # seconds; what Windows had before Python 3.13
 EMULATOR_OPTIONS = {
@@ -230,6 +231,9 @@ class Session:
         """Discard what came until now and restart the counts; emulated runs start."""
         start = self._emulators.go() if self._emulators else 0.0
         while time.monotonic() < start - 0.005:
+            time.sleep(0.001)
+        deadline = time.monotonic() + CATCH_UP
+        while not all(reader.caught_up for reader in self._readers) and time.monotonic() < deadline:
             time.sleep(0.001)
         self._without_sample()
         for source in self.sources:

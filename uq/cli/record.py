@@ -117,7 +117,7 @@ def _record(arguments: argparse.Namespace, target: float | None) -> int:
 
 def summary_lines(summary: "Summary") -> Iterator[str]:
     """Return what was recorded as a table of devices and a line on the file."""
-    head = ("device", "topic", "samples", "rate [Hz]", "missing", "state")
+    head = ("device", "topic", "samples", "rate [Hz]", "missing", "bad", "state")
     rows = [
         (
             name,
@@ -125,6 +125,7 @@ def summary_lines(summary: "Summary") -> Iterator[str]:
             f"{device['samples']:,}",
             f"{device['rate_hz']:.6g}",
             f"{device['missing']:,}",
+            f"{device['failures']:,}",
             str(device["state"]),
         )
         for name, device in summary.devices.items()
@@ -134,6 +135,8 @@ def summary_lines(summary: "Summary") -> Iterator[str]:
         yield f"{name}: the IMU follows it by {1e3 * delay['delay_s']:.1f} ms"
     marks = f", {summary.marks} marks" if summary.marks else ""
     state = "complete" if summary.complete else "NOT COMPLETE"
+    reasons = [f"{name}: {device['incomplete']}" for name, device in summary.devices.items() if device["incomplete"]]
+    state = "; ".join((state, *reasons))
     yield f"{summary.file}: {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB{marks}, {state}"
 
 

@@ -1,5 +1,7 @@
 """Cut and damaged files: never a wrong number, every intact chunk, always a line that says what was lost."""
 
+import os
+
 import numpy as np
 import pytest
 from mcap.opcode import Opcode
@@ -7,7 +9,7 @@ from mcap.opcode import Opcode
 from rig import runs
 from rig.exceptions import RigError
 from rig.mcap.records import Scanner, chunk_batch
-from rig.mcap.recover import recover
+from rig.mcap.recover import _extents, recover
 from rig.read_limits import UnpackBudget
 from tests.helpers.saved_runs import METADATA, rows, written
 
@@ -99,3 +101,20 @@ def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
     assert got.items() <= whole.items()
     assert len(got) == len(whole) - rows_of_chunk(record)
     assert result.lost_bytes >= end - start
+
+
+@pytest.mark.skipif(not hasattr(os, "SEEK_DATA"), reason="this system cannot tell the holes of a file")
+def test_holes_of_a_sparse_file_are_not_read(tmp_path):
+    """A recording with a terabyte of nothing behind it, and in the midst of it: only what is on disk is searched."""
+    whole = written(tmp_path / "run.mcap")
+    data = (tmp_path / "run.mcap").read_bytes()
+    with open(tmp_path / "sparse.mcap", "wb") as stream:
+        stream.write(data)
+        stream.seek(2**39)
+        stream.write(data)
+        stream.truncate(2**40)
+    with open(tmp_path / "sparse.mcap", "rb") as stream:
+        extents = list(_extents(stream.fileno(), 2**40))
+    assert sum(end - start for start, end in extents) < 4 * len(data) + 2**18
+    result = recover(tmp_path / "sparse.mcap", tmp_path / "new.mcap")
+    assert result.messages == 2 * len(whole)

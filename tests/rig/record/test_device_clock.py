@@ -16,6 +16,7 @@ from rig.devices.conversation import Identity
 from rig.exceptions import RigError
 from rig.record import command_delay, device_clock
 from rig.record.device_source import DeviceSource
+from rig.record.live_values import describe
 from rig.record.reader import LIMIT, Event, Reader
 from rig.record.recorder import Progress, Recorder
 from rig.record.rig_file import load_rig
@@ -93,6 +94,8 @@ def test_a_delay_that_cannot_be_told_is_none():
     assert command_delay.estimate(t[:100], noise[0, :100], t[:100], noise[0, :100]) is None
     assert command_delay.estimate(t, 0 * t, t, np.sin(t)) is None
     assert command_delay.of_command(("stroke",), deque(), deque()) is None
+    absurd = deque((round(1e9 * s), (1e200 * x,) * 3) for s, x in zip(t, noise[0], strict=True))
+    assert command_delay.of_command(("omega_x", "omega_y"), absurd, absurd) is None
 
 
 def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
@@ -104,9 +107,9 @@ def test_a_source_turns_to_the_body_frame_stamps_and_counts(entry):
     assert [m.sequence for m in got] == [0, 1, 3]
     assert source.counts.missing == 1
     assert not source.complete
-    # the first frame came two frames before the end of what arrived, and took its time on the wire
-    assert got[0].stamp == pytest.approx(10**9 - 3 * 37 * byte_time, abs=2)
-    assert got[1].stamp - got[0].stamp == pytest.approx(1_250_000 - 37 * byte_time, abs=1_000_000)
+    # they waited for one another: the last one least, but for its time on the wire
+    assert got[2].stamp == pytest.approx(10**9 - 37 * byte_time, abs=2)
+    assert np.diff([m.stamp for m in got]).tolist() == [1_250_000, 2_500_000]
 
 
 def test_a_source_turns_by_the_rotation_of_the_rig_file(tmp_path):
@@ -244,3 +247,11 @@ def test_what_is_faster_than_its_baud_rate_has_none(tmp_path, stated):
     assert source.clock_jumps == 0
     assert [text for text in source.troubles if "115200 baud" in text] == source.troubles
     assert len(source.troubles) == stated
+
+
+@pytest.mark.parametrize("kind", ["bota", "xsens"])
+def test_absurd_readings_are_shown_without_a_warning(tmp_path, kind):
+    """Warnings are errors here."""
+    sign = 'wrench = "on_body"' if kind == "bota" else ""
+    source = device_source(tmp_path, f'[[device]]\nname = "d"\nkind = "{kind}"\nport = "/dev/none"\n{sign}\n')
+    assert describe(source, [(1e308,) * 6, (1.7e308,) * 6, (-1e308,) * 6], 1.0).startswith("d: 3 Hz, 0 missing, 0 bad")

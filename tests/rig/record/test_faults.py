@@ -1,5 +1,6 @@
 """A recording in which something fails, at a random moment: what came before is kept, what is missing is told."""
 
+import os
 import resource
 import signal
 import time
@@ -164,6 +165,21 @@ def test_an_output_that_is_moved_while_recording_is_whole_and_said_to_be_elsewhe
     assert "was moved or replaced while recording" in messages
     assert "was moved or replaced" in summary["warnings"][-1]
     assert len(runs.read(tmp_path / "other.mcap").wrench.stamp) > 20
+
+
+def test_an_output_that_is_cut_while_recording_is_reported_and_the_rest_is_kept(tmp_path):
+    with Bench(tmp_path) as bench:
+        recording = Recording(bench.rig, "-o", tmp_path / "run.mcap")
+        time.sleep(0.3)
+        os.truncate(tmp_path / "run.mcap", 1000)
+        time.sleep(0.5)
+        status, summary, messages = recording.stop()
+    assert (status, summary["complete"]) == (1, False)
+    assert [line for line in messages.splitlines() if "was cut by another program" in line] == messages.splitlines()[
+        -1:
+    ]
+    assert recover(tmp_path / "run.mcap", tmp_path / "new.mcap").messages > 20
+    assert len(runs.read(tmp_path / "new.mcap").wrench.stamp) > 20
 
 
 def test_ctrl_c_again_and_again_ends_a_recording_like_one(tmp_path):

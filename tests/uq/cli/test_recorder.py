@@ -50,6 +50,16 @@ def test_a_recording_goes_on_when_nobody_reads_its_messages(emulated, tmp_path):
     assert inspect(tmp_path / "r.mcap").findings == []
 
 
+@pytest.mark.parametrize(("closed", "said"), [("2>&-", "complete"), (">&- 2>&-", "")])
+def test_a_recording_goes_on_where_streams_are_closed(emulated, tmp_path, closed, said):
+    command = [sys.executable, "-m", "uq.cli.main", "record", str(emulated), "-o", str(tmp_path / "r.mcap")]
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command, "--seconds", "0.5"]
+    done = subprocess.run(shell, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0
+    assert said in done.stdout
+    assert inspect(tmp_path / "r.mcap").findings == []
+
+
 class Gone(io.StringIO):
     """A terminal that is gone, or a pipe that nobody reads."""
 
@@ -82,6 +92,9 @@ def test_list_names_the_devices_that_answer(tmp_path, capsys, monkeypatch, kinds
 
 
 XSENS = "[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/x'\n"
+
+
+LINES = "[[device]]\nname = 'a'\nkind = 'line'\nport = '/dev/x'\n"
 
 
 RATES = ("0", "-1", "nan", "inf", "1e400", "1e-9", "1e6", "9" * 401)
@@ -126,6 +139,10 @@ ADDRESSES = [
         (f"{XSENS}x = 0{'[' * 2000}", "not a TOML file"),
         (f"{XSENS}baudrate = {'9' * 5000}", "not a TOML file"),
         (f"{XSENS}options = {{ rate = 0x{'f' * 5000} }}", "not a TOML file"),
+        ("[[device]]\nname = '" + "a" * 41 + "'\nkind = 'xsens'\nport = '/dev/x'", "use at most 40 characters"),
+        ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = '/dev/" + "x" * 300 + "'", "at most 120 characters"),
+        (f"{LINES}options = {{ columns = ['a parsec'] }}", "choose one of"),
+        (f"{LINES}options = {{ columns = ['force_x parsec'] }}", "N, kN, gf, kgf, lbf"),
         ("[[device]]\nname = 'a'\nkind = 'xsens'\nport = 'udp:" + "9" * 5000 + "'", "udp:NUMBER"),
         *((f"{XSENS}baudrate = {value}", "baudrate is") for value in (0, -1, "nan", "inf", "1e400", 0.5)),
         *((f"{XSENS}options = {{ rate = {rate} }}", "'rate' of device kind 'xsens' is out of range") for rate in RATES),
@@ -139,6 +156,7 @@ def test_a_wrong_rig_file_says_what_to_do(tmp_path, capsys, text, words):
     err = capsys.readouterr().err
     assert words in err
     assert err.count("\n") == 1
+    assert len(err) <= 200 + len(str(tmp_path))
     assert not (tmp_path / "run.mcap").exists()
 
 
@@ -158,14 +176,17 @@ def test_recording_never_loads_jax():
 
 
 def test_what_a_recording_came_to_is_read_at_a_glance():
-    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "rate_hz": 799.96}
-    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "rate_hz": 1.2}
+    cell = {"topic": "/wrench", "state": "ok", "samples": 8000, "missing": 0, "failures": 0, "rate_hz": 799.96}
+    cell |= {"incomplete": ""}
+    imu = cell | {"topic": "/imu", "state": "silent", "samples": 12, "missing": 3, "failures": 4, "rate_hz": 1.2}
+    imu |= {"incomplete": "3 missing samples, 4 bad frames"}
     summary = Summary("run.mcap", 10.004, 2_345_678, False, {"cell": cell, "imu": imu}, marks=2)
     summary.delays["legs"] = {"delay_s": 0.0213, "delay_correlation": 0.99}
     assert [line.split() for line in summary_lines(summary) if "─" not in line] == [
-        ["device", "topic", "samples", "rate", "[Hz]", "missing", "state"],
-        ["cell", "/wrench", "8,000", "799.96", "0", "ok"],
-        ["imu", "/imu", "12", "1.2", "3", "silent"],
+        ["device", "topic", "samples", "rate", "[Hz]", "missing", "bad", "state"],
+        ["cell", "/wrench", "8,000", "799.96", "0", "0", "ok"],
+        ["imu", "/imu", "12", "1.2", "3", "4", "silent"],
         ["legs:", "the", "IMU", "follows", "it", "by", "21.3", "ms"],
-        ["run.mcap:", "10.0", "s,", "2.3", "MB,", "2", "marks,", "NOT", "COMPLETE"],
+        ["run.mcap:", "10.0", "s,", "2.3", "MB,", "2", "marks,"]
+        + ["NOT", "COMPLETE;", "imu:", "3", "missing", "samples,", "4", "bad", "frames"],
     ]

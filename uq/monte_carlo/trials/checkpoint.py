@@ -202,7 +202,7 @@ class Checkpoint:
             header = parse_json(line)
             intact = header.pop("sha256") == _checksum(header, payload) and header.keys() == HEADER
             estimates = np.frombuffer(payload, header["dtype"]).reshape(header["shape"])
-            intact = intact and estimates.dtype.kind == "f" and estimates.shape[1:] == shape
+            intact = intact and estimates.dtype in (np.float32, np.float64) and estimates.shape[1:] == shape
         except (ValueError, KeyError, AttributeError, TypeError, OverflowError, RecursionError):
             intact = False
         if not intact:

@@ -143,7 +143,7 @@ def resealed(**changes):
 RESEALED = [
     resealed(**changes)
     for changes in (
-        {"dtype": "no type"}, {"dtype": "<i8"}, {"trajectory": None}, {"first": None, "x": 1}, {"shape": [-1]},
+        {"dtype": "no type"}, {"dtype": "<i8"}, {"dtype": ">f8"}, {"trajectory": None}, {"first": None, "x": 1}, {"shape": [-1]},
         {"shape": [-1, 6]}, {"shape": [10**30]}, {"shape": "six"},
     )
 ]  # fmt: skip
