@@ -117,8 +117,16 @@ def _candidate(error: ErrorModel, run: int | None, fits: Sequence[RunFit], parts
     having = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in having], axis=0)
     acting = np.any([columns.any(axis=(0, 1)) for columns, _ in having], axis=0) & (size > 0)
-    columns = [columns[:, :, acting] * (run in (None, k)) for k, (columns, _) in enumerate(parts)]
-    lines = [fit.transformed(part * size[acting]) for fit, part in zip(fits, columns, strict=True)]
+    owners, count = [run in (None, k) for k in range(len(fits))], int(acting.sum())
+    # other runs' zeros take no memory: there are as many causes of single runs as runs
+    columns = [
+        columns[:, :, acting] if owns else np.broadcast_to(0.0, (*columns.shape[:2], count))
+        for owns, (columns, _) in zip(owners, parts, strict=True)
+    ]
+    lines = [
+        fit.transformed(part * size[acting]) if owns else np.broadcast_to(0.0, (*fit.residuals.shape, count))
+        for owns, fit, part in zip(owners, fits, columns, strict=True)
+    ]
     return PossibleCause(error, run, size[acting], columns, lines)
 
 
