@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from numbers import Integral
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -184,7 +185,7 @@ class Parser(ABC):
                 number = counter - self._without_sample
                 samples.append(sample._replace(end=self._done, number=number, counter=counter))
                 continue
-            gap = self._gap(sample.time) if isinstance(sample.time, int) and self._period else 0
+            gap = self._gap(sample.time) if isinstance(sample.time, Integral) and self._period else 0
             counts.missing += gap
             samples.append(sample._replace(end=self._done, number=counts.samples + counts.missing - 1, gap=gap))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,7 @@ class DeviceSource:
 
     def _timed(self, samples: list[Sample]) -> list[Sample]:
         """Samples without device times that are no whole numbers of ns, which another package's parser may give."""
-        if all(sample.time is None or isinstance(sample.time, int) for sample in samples):
+        if all(sample.time is None or isinstance(sample.time, Integral) for sample in samples):
             return samples
         if not self._untimed:
             self._untimed = True

@@ -117,7 +117,7 @@ def test_columns_that_never_change_are_no_sensor(tmp_path, clean, capsys):
             assert set(columns) == {*signals, "time_unit"}
         else:
             assert status == 2
-            assert "needs a force-torque sensor at the wrist: torques of joints are not used" in capsys.readouterr().err
+            assert "needs a wrist sensor: torques of joints are not used" in capsys.readouterr().err
 
 
 def test_a_recording_without_a_wrench_is_told_what_it_needs(tmp_path, clean, capsys):
@@ -127,4 +127,4 @@ def test_a_recording_without_a_wrench_is_told_what_it_needs(tmp_path, clean, cap
     for command in (["inspect"], ["identify", "--experiment", str(tmp_path / "e.toml")]):
         main([command[0], str(tmp_path / "bare.mcap"), *command[1:]])
         said = " ".join("".join(capsys.readouterr()).split())
-        assert "needs a force-torque sensor at the wrist: torques of joints are not used" in said
+        assert "needs a wrist sensor: torques of joints are not used" in said
