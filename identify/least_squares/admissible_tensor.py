@@ -94,7 +94,7 @@ class _Bodies:
     """The estimate, over the size."""
     steps: Float[np.ndarray, "6 6"]
     """Changes of a tensor: of one standard uncertainty each, or of the size where the data add nothing."""
-    known: np.ndarray
+    bounded: np.ndarray
     """Mask of the steps of which the data know something, (6,): Q is the sum of the squares of their numbers."""
 
     @classmethod
@@ -102,8 +102,8 @@ class _Bodies:
         """Take the principal axes of the data's information."""
         scale = size(data)
         values, vectors = np.linalg.eigh(data.information * scale**2)
-        known = values > 1e-13 * values[-1]
-        return cls(scale, data.estimate / scale, vectors / np.sqrt(np.where(known, values, 1.0)), known)
+        bounded = values > 1e-13 * values[-1]
+        return cls(scale, data.estimate / scale, vectors / np.sqrt(np.where(bounded, values, 1.0)), bounded)
 
     def least(self, direction: Float[np.ndarray, "6"], within: float | None) -> Float[np.ndarray, "6"] | None:
         """Return the tensor that reaches least far along a direction; None where the solver finds none.
@@ -112,9 +112,9 @@ class _Bodies:
             direction: in the space of packed tensors.
             within: largest ``sqrt Q``; None: half of Q is added to what is to be least.
         """
-        (rows, spare), slope, curvature = self._body, direction @ self.steps, np.diag(self.known.astype(float))
+        (rows, spare), slope, curvature = self._body, direction @ self.steps, np.diag(self.bounded.astype(float))
         if within is not None:
-            ball = np.vstack([np.zeros(6), np.eye(6)[self.known]])
+            ball = np.vstack([np.zeros(6), np.eye(6)[self.bounded]])
             rows, spare = np.vstack([rows, ball]), np.concatenate([spare, [within], np.zeros(len(ball) - 1)])
             slope, curvature = slope / np.linalg.norm(slope), np.zeros((6, 6))
         numbers = _solved(curvature, slope, rows, spare)

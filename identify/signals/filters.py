@@ -89,8 +89,8 @@ def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[Ar
 
 def means(values: Float[np.ndarray, "n *k"], count: int) -> Float[np.ndarray, "m *k"]:
     """Return the means of so many samples at a time, one behind the other; what is left over at the end counts not."""
-    whole = len(values) // count
-    return np.asarray(values[: whole * count].reshape(whole, count, *values.shape[1:]).mean(axis=1))
+    number = len(values) // count
+    return np.asarray(values[: number * count].reshape(number, count, *values.shape[1:]).mean(axis=1))
 
 
 def moving_average(

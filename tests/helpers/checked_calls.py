@@ -52,10 +52,10 @@ _HOW = {}
 
 def kind(value):
     """Return what tells a value from those of other kinds."""
-    of = _HOW.get(type(value))
-    if of is None:
-        of = _HOW[type(value)] = _how(value)
-    return of(value)
+    describe = _HOW.get(type(value))
+    if describe is None:
+        describe = _HOW[type(value)] = _how(value)
+    return describe(value)
 
 
 class Checks:
@@ -70,8 +70,8 @@ class Checks:
 
         @functools.wraps(self.function)
         def answer(*args, **options):
-            known = self.here.__dict__.pop("known", None)
-            return known[0] if known else self.function(*args, **options)
+            computed = self.here.__dict__.pop("computed", None)
+            return computed[0] if computed else self.function(*args, **options)
 
         return REAL(answer, typechecker=self.typechecker)
 
@@ -84,11 +84,11 @@ class Checks:
             return result
         result = self.function(*args, **options)
         if kind(result) not in answers:
-            self.here.known = (result,)
+            self.here.computed = (result,)
             try:
                 self.checked(*args, **options)
             finally:
-                self.here.__dict__.pop("known", None)
+                self.here.__dict__.pop("computed", None)
             answers.add(kind(result))
         return result
 

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 NO_CHROMIUM, NO_AXE = "no chromium: apt-get install chromium", "no axe-core: make axe-core"
+# a page is laid out and its script run by a browser alone; .ci/run installs it, and the last line of a run counts these
 needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason=NO_CHROMIUM)
 PHONE, DESK = 390, 1400  # widths in pixels
 AXE = Path(__file__).parents[2] / "out" / "axe" / "node_modules" / "axe-core" / "axe.min.js"
+# the judge of accessibility comes by npm, which is no package of the environment; counted in the same way
 needs_axe = pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
 VIOLATIONS = """axe.run(document, {resultTypes: ['violations']}).then(({violations}) => violations.flatMap(
   ({id, nodes}) => nodes.map(({target, failureSummary}) => `${id}: ${target} ${failureSummary}`)))"""

@@ -240,9 +240,12 @@ class Experiment(Shown):
             ExperimentError: there is no such trajectory, or no centre of gravity from the platform's centre.
         """
         _, spec = self.select(trajectory)
-        from_still = np.zeros(3) if spec.still == "cg" else np.asarray(self.r_cg_from_omb)
-        t = jnp.asarray(samples(spec))
-        return MotionSamples.of(sample(spec.trajectory, t, r_cg_from_still=from_still, gravity=np.array(self.gravity)))
+        t, from_still, gravity = jnp.asarray(samples(spec)), self.r_cg_from_still(spec), np.array(self.gravity)
+        return MotionSamples.of(sample(spec.trajectory, t, r_cg_from_still=from_still, gravity=gravity))
+
+    def r_cg_from_still(self, spec: TrajectorySpec) -> np.ndarray:
+        """Return the centre of gravity from the point that keeps still on a trajectory, in B [m]."""
+        return np.zeros(3) if spec.still == "cg" else self.r_cg_from_omb
 
     def selected_estimators(self, names: str | Sequence[str] | None) -> list[EstimatorSpec]:
         """Return the estimators of these names, without repeats; None for all.

@@ -83,19 +83,19 @@ class AttitudeColumns(ColumnsTable, frozen=True, kw_only=True):
         """
         turn, degrees = scipy.spatial.transform.Rotation, self.angle_unit == "deg"
         if attitude == "quaternion":
-            told = values[:, [1, 2, 3, 0]]
+            quaternions = values[:, [1, 2, 3, 0]]
         elif attitude == "matrix":
             matrices = values.reshape(-1, 3, 3)
             off = np.abs(matrices @ matrices.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
             bad = (off > NO_ROTATION) | (np.linalg.det(matrices) < 0)
             if bad.any():
                 raise RunError(f"matrix of row {int(np.argmax(bad)) + 1} in {name} is no rotation: check its columns")
-            told = turn.from_matrix(matrices).as_quat()
+            quaternions = turn.from_matrix(matrices).as_quat()
         elif attitude == "rotation_vector":
-            told = turn.from_rotvec(values, degrees=degrees).as_quat()
+            quaternions = turn.from_rotvec(values, degrees=degrees).as_quat()
         else:
-            told = turn.from_euler(str(self.euler_convention), values, degrees=degrees).as_quat()
-        return told * [-1, -1, -1, 1] if self.takes == "level_to_sensor" else np.asarray(told)
+            quaternions = turn.from_euler(str(self.euler_convention), values, degrees=degrees).as_quat()
+        return quaternions * [-1, -1, -1, 1] if self.takes == "level_to_sensor" else np.asarray(quaternions)
 
 
 class Poses(AttitudeColumns, frozen=True, kw_only=True):

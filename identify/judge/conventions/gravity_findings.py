@@ -35,10 +35,9 @@ from identify.judge.conventions.findings.frame import WrenchAtRest, WrenchTurns,
 from identify.judge.conventions.findings.gravity import gravity_elsewhere, poses_upside_down
 from identify.judge.conventions.findings.mass import changed_mass
 from identify.judge.conventions.findings.weight import other_payload
-from identify.judge.conventions.posed_force import GravityFit, PosedForce, Rotations
+from identify.judge.conventions.posed_force import GravityFit, PosedForce, Rotations, at_instants, lever_columns
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.findings import Finding
-from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 
 Source = Literal["joints", "poses", "quaternion", "gyro"]
 READINGS = {
@@ -111,10 +110,10 @@ def run_gravity(
     if attitude is None:
         up = np.array([0.0, 0.0, -float(np.median(np.linalg.norm(specific, axis=1)))])
         attitude = AttitudeSignal(carried_attitude(step, omega, specific), up, "gyro")
-    levers = np.einsum("kn,kij->nij", features(omega.T, np.gradient(omega, time, axis=0).T), FIRST_MOMENT_OF_FEATURES)
+    levers = lever_columns(time, omega)
     if not attitude.accelerates and attitude.gravity is not None:
         specific = -np.einsum("nji,j->ni", attitude.to_rest[within], attitude.gravity)
-    force = np.stack([np.interp(time, wrench.time, column) for column in wrench.force.T], axis=1)
+    force = at_instants(time, wrench.time, wrench.force)
     posed = PosedForce(
         force=force, to_rest=attitude.to_rest[within], specific=specific,
         levers=levers, time=time, smooth=partial(smoothed, step), independent=STEP / WINDOW,

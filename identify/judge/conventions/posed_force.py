@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.judge.conventions.convention_fit import LEAST_MISFIT, NOT_RIGID
+from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 from identify.signals.drift_shapes import drift_shapes
 
 YAWS = 3600
@@ -226,7 +227,9 @@ class PosedForce:
             by_both, by_accelerometer = fit.values[at], fit.values[at + 1] / fit.mass if apart else 0.0
             delays = np.clip(delays + [by_both, by_accelerometer], -LONGEST_LAG, LONGEST_LAG)
             posed = replace(
-                self, force=_at(time - delays[0], time, self.force), specific=_at(time + delays[1], time, self.specific)
+                self,
+                force=at_instants(time - delays[0], time, self.force),
+                specific=at_instants(time + delays[1], time, self.specific),
             )
         return posed, float(delays[1])
 
@@ -244,6 +247,12 @@ class PosedForce:
         return float(yaws[int(np.argmin(misfits))])
 
 
-def _at(instants: np.ndarray, time: np.ndarray, values: np.ndarray) -> Float[np.ndarray, "n 3"]:
+def at_instants(instants: np.ndarray, time: np.ndarray, values: np.ndarray) -> Float[np.ndarray, "n 3"]:
     """Samples of a vector at other instants."""
     return np.stack([np.interp(instants, time, column) for column in values.T], axis=1)
+
+
+def lever_columns(time: Float[np.ndarray, " n"], omega: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Return the acceleration by a lever's unit vectors, ``alpha × + omega × (omega ×``, from a rate [rad/s] [1/s²]."""
+    motion = features(omega.T, np.gradient(omega, time, axis=0).T)
+    return np.einsum("kn,kij->nij", motion, FIRST_MOMENT_OF_FEATURES)

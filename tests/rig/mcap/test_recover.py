@@ -103,6 +103,7 @@ def test_an_absurd_length_inside_a_chunk_is_damage(tmp_path, length):
     assert result.lost_bytes >= end - start
 
 
+# Windows has no such call: there every byte is searched, which takes minutes of a terabyte
 @pytest.mark.skipif(not hasattr(os, "SEEK_DATA"), reason="this system cannot tell the holes of a file")
 def test_holes_of_a_sparse_file_are_not_read(tmp_path):
     """A recording with a terabyte of nothing behind it, and in the midst of it: only what is on disk is searched."""

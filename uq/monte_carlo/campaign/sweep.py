@@ -139,16 +139,16 @@ def sweep(
     written = {key: tuple(map(_written, x)) for key, x in values.items()}
     changed = {}
     for combination in product(*(zip(written[key], x, strict=True) for key, x in values.items())):
-        one = experiment
+        varied = experiment
         for key, (_, value) in zip(values, combination, strict=True):
-            one = with_value(one, key, value)
-        changed[tuple(text for text, _ in combination)] = one
+            varied = with_value(varied, key, value)
+        changed[tuple(text for text, _ in combination)] = varied
     campaigns = {
         key: montecarlo(
-            one, trials=trials, seed=seed, trajectories=trajectories, estimators=estimators, plan=plan,
+            varied, trials=trials, seed=seed, trajectories=trajectories, estimators=estimators, plan=plan,
             options=replace(options, progress=_named(options, ", ".join(key))),
         )
-        for key, one in changed.items()
+        for key, varied in changed.items()
     }  # fmt: skip
     warnings = dict.fromkeys(text for campaign in campaigns.values() for text in campaign.warnings)
     first = next(iter(campaigns.values()))

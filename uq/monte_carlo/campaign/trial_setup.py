@@ -95,8 +95,7 @@ def same_rotation(first: TrajectorySpec, second: TrajectorySpec) -> bool:
 
 def platform_of(experiment: Experiment, spec: TrajectorySpec) -> Platform:
     """Return what carries the body on a trajectory."""
-    still = np.zeros(3) if spec.still == "cg" else experiment.r_cg_from_omb
-    return Platform(np.array(experiment.gravity), still)
+    return Platform(np.array(experiment.gravity), experiment.r_cg_from_still(spec))
 
 
 def _fitted(estimator: EstimatorSpec, rate: float) -> Estimator:

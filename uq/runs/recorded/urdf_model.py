@@ -343,7 +343,7 @@ def urdf_model(urdf: str, key: str, fixed: Mapping[str, Written] = NONE_FIXED) -
     return UrdfModel(urdf, links, {joint.child: joint for joint in joints})
 
 
-def _numbers(element: ElementTree.Element | None, key: str, default: str, of: str, count: int = 1) -> np.ndarray:
+def _numbers(element: ElementTree.Element | None, key: str, default: str, owner: str, count: int = 1) -> np.ndarray:
     """The numbers of an attribute, refused with what they belong to unless there are so many and all are finite."""
     text = default if element is None else element.get(key, default)
     try:
@@ -351,41 +351,43 @@ def _numbers(element: ElementTree.Element | None, key: str, default: str, of: st
     except ValueError:
         values = np.empty(0)
     if len(values) != count or not np.isfinite(values).all():
-        raise ValueError(f"{key}={quoted(text)} of {of}")
+        raise ValueError(f"{key}={quoted(text)} of {owner}")
     return values
 
 
-def _origin(element: ElementTree.Element, of: str) -> Pose:
+def _origin(element: ElementTree.Element, owner: str) -> Pose:
     origin = element.find("origin")
-    angles, place = (_numbers(origin, key, "0 0 0", of, 3) for key in ("rpy", "xyz"))
+    angles, place = (_numbers(origin, key, "0 0 0", owner, 3) for key in ("rpy", "xyz"))
     return scipy.spatial.transform.Rotation.from_euler("xyz", angles).as_matrix(), place
 
 
 def _link(element: ElementTree.Element) -> UrdfLink:
-    inertial, of = element.find("inertial"), f"link {quoted(element.get('name', ''))}"
+    inertial, owner = element.find("inertial"), f"link {quoted(element.get('name', ''))}"
     if inertial is None:
         return UrdfLink(0.0, np.zeros(3), np.zeros((3, 3)))
-    turn, r_cg = _origin(inertial, of)
+    turn, r_cg = _origin(inertial, owner)
     tensor = inertial.find("inertia")
-    values = {key: _numbers(tensor, key, "0", of)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+    values = {key: _numbers(tensor, key, "0", owner)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
     rows = [[values["i" + min(a + b, b + a)] for b in "xyz"] for a in "xyz"]
-    return UrdfLink(float(_numbers(inertial.find("mass"), "value", "0", of)[0]), r_cg, turn @ np.array(rows) @ turn.T)
+    return UrdfLink(
+        float(_numbers(inertial.find("mass"), "value", "0", owner)[0]), r_cg, turn @ np.array(rows) @ turn.T
+    )
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:
     name, form = element.get("name", ""), element.get("type", "")
-    of, limit = f"joint {quoted(name)}", element.find("limit")
+    owner, limit = f"joint {quoted(name)}", element.find("limit")
     if form not in KINDS:
-        raise ValueError(f"type={quoted(form)} of {of}")
+        raise ValueError(f"type={quoted(form)} of {owner}")
     ends = (element.find(end) for end in ("parent", "child"))
     parent, child = ("" if end is None else end.get("link", "") for end in ends)
-    rotation, position = _origin(element, of)
+    rotation, position = _origin(element, owner)
     low, high, speed, effort = (
-        float(_numbers(limit, key, "0", of)[0]) for key in ("lower", "upper", "velocity", "effort")
+        float(_numbers(limit, key, "0", owner)[0]) for key in ("lower", "upper", "velocity", "effort")
     )
     return UrdfJoint(
         name=name, kind=form, parent=parent, child=child, rotation=rotation, position=position,
-        along=_numbers(element.find("axis"), "xyz", "1 0 0", of, 3), speed=speed, effort=effort,
+        along=_numbers(element.find("axis"), "xyz", "1 0 0", owner, 3), speed=speed, effort=effort,
         range=(-math.inf, math.inf) if form == "continuous" else (low, high),
     )  # fmt: skip
 

@@ -39,10 +39,9 @@ from identify.judge.conventions.convention_fit import (
     WrenchSignal,
     smoothed,
 )
-from identify.judge.conventions.posed_force import LONGEST_LAG, ZERO, GravityFit, PosedForce
+from identify.judge.conventions.posed_force import LONGEST_LAG, ZERO, GravityFit, PosedForce, at_instants, lever_columns
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
-from identify.rigid_body.regressor import FIRST_MOMENT_OF_FEATURES, features
 
 STEPS = 3
 """Linear steps to delay and time constant.
@@ -105,9 +104,9 @@ def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterato
     judged = 0 < step <= SMOOTHING and time[-1] - time[0] >= LEAST_SECONDS
     if not judged or not np.isfinite(np.hstack([omega, specific])).all():
         return
-    levers = np.einsum("kn,kij->nij", features(omega.T, np.gradient(omega, time, axis=0).T), FIRST_MOMENT_OF_FEATURES)
+    levers = lever_columns(time, omega)
     posed = PosedForce(
-        force=np.stack([np.interp(time, wrench.time, column) for column in wrench.force.T], axis=1),
+        force=at_instants(time, wrench.time, wrench.force),
         to_rest=np.broadcast_to(np.eye(3), (len(time), 3, 3)), specific=specific, levers=levers, time=time,
         smooth=partial(smoothed, step), independent=STEP / WINDOW,
     )  # fmt: skip
