@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from identify.estimation.joint.gauss_newton import linearised
 from identify.estimation.joint.joint_model import SLICES, TEN, SpecificForce
-from identify.estimation.joint.priors import PriorBlock, Setting, error_blocks
+from identify.estimation.joint.priors import PriorBlock, Setting, means_of, without
 from identify.estimation.methods.base import Problem, estimator_of
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError
@@ -196,22 +196,23 @@ def _followed(estimate: Identification, fits: Sequence[RunFit], problem: Problem
     if estimate.method == "joint":
         return {}
     weights, offsets = [run.weight for run in estimate.runs], estimate.offsets == "estimate"
-    added = {name: [fit.prediction.derivative(name) for fit in fits] for (name,) in error_blocks(problem.errors)}
+    names = dict.fromkeys(error.unknown for error in problem.errors.values())
+    added = {name: [fit.prediction.derivative(name) for fit in fits] for name in names}
     return {name: tensor_change(fits, weights, columns, offsets=offsets) for name, columns in added.items()}
 
 
 def _held(declared: Setting, estimate: Identification, followed: dict[str, np.ndarray]) -> Setting:
     """Return the unknowns of a run alone, with the body and the alignment that the others gave."""
-    by_errors = (by_error @ declared.blocks[name,].mean for name, by_error in followed.items())
+    means = means_of(declared.blocks)
+    by_errors = (by_error @ means[name] for name, by_error in followed.items())
     body = {"inertia": estimate.inertia - sum(by_errors, np.zeros(6)), "r_cg": estimate.r_cg}
     if estimate.mass is not None:
         body["mass"] = np.array([estimate.mass])
-    blocks = dict(declared.blocks)
-    for name, value in body.items():
-        blocks[name,] = PriorBlock(value, np.zeros((len(value), len(value))))
+    held = {(name,): PriorBlock(value, np.zeros((len(value), len(value)))) for name, value in body.items()}
     for name, aligned in (("delay", estimate.delay), ("rotation", estimate.rotation)):
         if aligned is not None:
-            blocks[name,] = PriorBlock(aligned.value, aligned.covariance)
+            held[name,] = PriorBlock(aligned.value, aligned.covariance)
+    blocks = without(declared.blocks, sum(held, ())) | held
     return replace(declared, blocks=blocks, flat=("force_offset", "moment_offset"))
 
 

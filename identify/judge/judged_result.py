@@ -117,7 +117,11 @@ def judged(result: Identification, problem: Problem) -> Judged:
 
 def _declared_turns(problem: Problem) -> dict[str, np.ndarray]:
     """One standard uncertainty of each declared turn of the gyro about each axis [rad], in columns, by its source."""
-    return {name: error.axes for name, error in problem.errors.items() if error.unknown == "rotation"}
+    return {
+        name: error.axes
+        for name, error in problem.errors.items()
+        if error.unknown == "rotation" and not error.correlated_as
+    }
 
 
 def gyro_turns(by_turn: Float[np.ndarray, "10 3"], turns: Mapping[str, Float[np.ndarray, "3 q"]]) -> list[Row]:

@@ -18,7 +18,7 @@ PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 class DeclaredError(NamedTuple):
-    """One standard uncertainty of an independent declared error."""
+    """Change of one unknown by one standard uncertainty of an independent axis of declared errors."""
 
     unknown: str
     """Name of the unknown that it changes, as in :data:`identify.estimation.joint.joint_model.SIZES`."""
@@ -26,20 +26,24 @@ class DeclaredError(NamedTuple):
 
 
 def residual_changes(
-    record: RunLines, inertia: Float[np.ndarray, "6"], r_cg: Float[np.ndarray, "3"], errors: Sequence[DeclaredError]
+    record: RunLines,
+    inertia: Float[np.ndarray, "6"],
+    r_cg: Float[np.ndarray, "3"],
+    errors: Sequence[Sequence[DeclaredError]],
 ) -> Float[np.ndarray, "m 3 q"]:
-    """Return the change of all lines of ``M - r × F - Omega_R i`` by each of some declared errors [N·m].
+    """Return the change of all lines of ``M - r × F - Omega_R i`` by one standard uncertainty of some axes [N·m].
 
     Args:
         record: of a run.
         inertia: packed tensor [kg·m²].
         r_cg: centre of gravity [m].
-        errors: those of other unknowns than :data:`EFFECTS` leave no trace in these rows.
+        errors: what each axis changes; other unknowns than :data:`EFFECTS` leave no trace in these rows.
     """
     changes = np.zeros((len(record), 3, len(errors)))
-    for number, error in enumerate(errors):
-        if error.unknown in EFFECTS:
-            changes[:, :, number] = EFFECTS[error.unknown](record, inertia, r_cg, error.numbers)
+    for number, parts in enumerate(errors):
+        for error in parts:
+            if error.unknown in EFFECTS:
+                changes[:, :, number] += EFFECTS[error.unknown](record, inertia, r_cg, error.numbers)
     return changes
 
 

@@ -107,7 +107,7 @@ class WeightedFit(NamedTuple):
 
 def whitened(
     run: Run, estimator: EstimatorSpec, r_cg: np.ndarray, *, offsets: OffsetChoice, sigma_r_cg: np.ndarray,
-    errors: Sequence[DeclaredError] = (),
+    errors: Sequence[Sequence[DeclaredError]] = (),
 ) -> Weighed:  # fmt: skip
     """Return a run's normal equations with weights by its errors' covariance, beside those of other estimates.
 

@@ -32,6 +32,7 @@ COMMANDS = {
     "inspect": "channels, rates, gaps, held samples, clocks, suspicious units and axes of a run",
     "noise": "noise of every channel of a recording at rest, as sources for an experiment",
     "simulate": "write a synthetic recorded run with the experiment's errors",
+    "calibrate": "the rig's errors from runs of a known body, as sources for an experiment",
     "centre": "mass, centre of gravity and the load cell's offsets from static poses",
     "plan": "which sensor is worth improving, and how long must I measure?",
     "design": "the best trajectory this platform can run, as poses and leg lengths",

@@ -29,6 +29,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from rig.exceptions import choose, listed, quoted
 from uq.experiment import experiment_tables
 from uq.experiment.arm_table import DeclaredArm
+from uq.experiment.calibration_table import CalibrationTable
 from uq.experiment.experiment_file import BodyTable, ExperimentFile
 from uq.experiment.platform_table import GEOMETRIES, DeclaredLimits
 from uq.experiment.pose_table import Poses
@@ -91,6 +92,8 @@ class Experiment(Shown):
     """A frame in which the result is also wanted; None: there is none."""
     fixture: InertialParameters | None = None
     """Fixture that is to be subtracted from the identified body, by its stated parameters; None: there is none."""
+    calibrations: tuple[CalibrationTable, ...] = ()
+    """Calibrations of the rig by known bodies: the means of their sources correct a result."""
     undeclared: UndeclaredTable = field(default_factory=UndeclaredTable)
     """Typical figures of errors that are not declared."""
     report: Mapping[str, Any] = field(default_factory=dict)
@@ -156,7 +159,7 @@ class Experiment(Shown):
             estimators=tuple(table.spec for table in file.estimator), sources=sources, mixing=mixing,
             recording=recording, poses=file.poses, geometry=platform.legs,
             limits=None if platform.limits is None else platform.limits.limits, arm=platform.arm(folder),
-            document=document, folder=folder, report=report,
+            document=document, folder=folder, report=report, calibrations=file.calibration,
             undeclared=NONE if file.undeclared == "none" else file.undeclared, **stated,
         )  # fmt: skip
         return replace(experiment, as_read=experiment._in_si())

@@ -12,6 +12,7 @@ from identify.rigid_body.inertial_parameters import Datum, InertialParameters
 from identify.signals.estimator_spec import EstimatorSpec
 from rig.exceptions import quoted
 from rig.toml_tables import Name, TomlTable, WrongKeyError, written
+from uq.experiment.calibration_table import CalibrationTable
 from uq.experiment.platform_table import PlatformTable
 from uq.experiment.pose_table import Poses
 from uq.experiment.recording_table import RecordingTable
@@ -174,7 +175,8 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     """An experiment file: a body on a platform with its sensors."""
 
     include: tuple[str, ...] = ()
-    """Files of ``[[source]]`` tables, as `inertia noise` writes them, whose sources count here; beside this file."""
+    """Files of ``[[source]]`` tables, as `inertia noise` and `inertia calibrate` write them, whose sources count here;
+    beside this file."""
     body: BodyTable | None = None
     platform: PlatformTable = PlatformTable()
     trajectory: Mapping[str, SphereTable | HarmonicTable | MultisineTable] = {}
@@ -184,6 +186,8 @@ class ExperimentFile(TomlTable, frozen=True, kw_only=True):
     """Sources of error."""
     correlation: tuple[LinkTable, ...] = ()
     """Correlations between sources."""
+    calibration: tuple[CalibrationTable, ...] = ()
+    """Calibrations of the rig by known bodies, from the files that ``include`` names."""
     recording: RecordingTable = RecordingTable()
     undeclared: UndeclaredTable | Literal["none"] = UndeclaredTable()
     poses: Poses | None = None

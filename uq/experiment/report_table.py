@@ -209,7 +209,7 @@ def read(provenance: Mapping[str, Any]) -> Report:
     report = parse_report(provenance.get("report", {}))
     inputs = provenance.get("inputs", ())
     days = recorded_days(inputs)
-    stated, unmatched = [], _recorded_instruments(inputs)
+    stated, unmatched = [], recorded_instruments(inputs)
     for instrument in report.instruments:
         same = [other for other in unmatched if instrument.is_same(other)]
         stated.append(msgspec.structs.replace(instrument, **{**(same[0].texts if same else {}), **instrument.texts}))
@@ -226,8 +226,8 @@ def recorded_days(inputs: Sequence[Mapping[str, Any]]) -> list[date]:
     return sorted({date.fromisoformat(entry["date"]) for entry in inputs if "date" in entry})
 
 
-def _recorded_instruments(inputs: Sequence[Mapping[str, Any]]) -> list[Instrument]:
-    """The instruments that recordings name, each once."""
+def recorded_instruments(inputs: Sequence[Mapping[str, Any]]) -> list[Instrument]:
+    """Return the instruments that recordings name, each once."""
     texts = [
         {key: stated[key] for key in INSTRUMENT if key in stated}
         for entry in inputs
@@ -244,7 +244,7 @@ def cautions(table: Mapping[str, Any], inputs: Sequence[Mapping[str, Any]]) -> l
         inputs: what a result records of its runs.
     """
     report = parse_report(table)
-    return [*_of_dates(report, recorded_days(inputs)), *_of_serial_numbers(report, _recorded_instruments(inputs))]
+    return [*_of_dates(report, recorded_days(inputs)), *_of_serial_numbers(report, recorded_instruments(inputs))]
 
 
 def _of_serial_numbers(report: Report, recorded: list[Instrument]) -> Iterator[str]:

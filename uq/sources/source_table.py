@@ -339,38 +339,45 @@ def with_included(document: Mapping[str, Any], folder: Path) -> Mapping[str, Any
     paths = document.get("include", [])
     if not isinstance(paths, list | tuple) or not all(isinstance(path, str) for path in paths):
         raise ExperimentError(f'include is {quoted(str(paths))}: write a list of files, include = ["sources.toml"]')
-    sources = list(document.get("source", [])) if isinstance(document.get("source", []), list | tuple) else []
-    origin = {str(source.get("name")): "the experiment" for source in sources if isinstance(source, Mapping)}
+    if not paths:
+        return document
+    both = {key: value for key, value in document.items() if key != "include"}
+    both |= {key: list(value) for key in INCLUDED if isinstance(value := document.get(key, []), list | tuple)}
+    origin = {str(source.get("name")): "the experiment" for source in both["source"] if isinstance(source, Mapping)}
     for path in paths:
-        for source in _sources(path, folder):
-            name = str(source.get("name"))
+        tables = _included(path, folder)
+        for name in (str(source.get("name")) for source in tables["source"]):
             if name in origin:
                 raise ExperimentError(
                     f"source {quoted(name)} is declared twice, in {origin[name]} and in {path}: keep one"
                 )
             origin[name] = path
-            sources.append(source)
-    others = {key: value for key, value in document.items() if key != "include"}
-    return {**others, "source": sources} if paths else others
+        both |= {key: [*both[key], *tables.get(key, [])] for key in INCLUDED}
+    return {key: value for key, value in both.items() if key not in INCLUDED or key == "source" or value}
 
 
-def _sources(path: str, folder: Path) -> list[dict[str, Any]]:
-    """The sources of a file; those that name a file beside theirs name it from the experiment's folder."""
+INCLUDED = ("source", "correlation", "calibration")
+"""Tables that an included file may hold."""
+
+
+def _included(path: str, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """The tables of a file; sources that name a file beside theirs name it from the experiment's folder."""
     try:
         document, _ = read_document(folder / path, "a file of [[source]] tables")
     except (OSError, RigError):
-        raise ExperimentError(f"no file {quoted(path)}, which include names: `inertia noise -o` writes one") from None
-    sources = document.pop("source", [])
-    if (
-        document
-        or not sources
-        or not isinstance(sources, list)
-        or not all(isinstance(source, dict) for source in sources)
-    ):
+        raise ExperimentError(
+            f"no file {quoted(path)}, which include names: `inertia noise -o` or `inertia calibrate -o` writes one"
+        ) from None
+    tables = {key: document.pop(key) for key in INCLUDED if key in document}
+    wrong = any(not isinstance(t, list) or not all(isinstance(s, dict) for s in t) for t in tables.values())
+    if document or not tables.get("source") or wrong:
         what = ", ".join(sorted(document)) or "no [[source]]"
         raise ExperimentError(f"{path} holds {what}: a file that include names holds [[source]] tables alone")
     below = Path(path).parent
-    return [s | {SAMPLES: str(below / s[SAMPLES])} if isinstance(s.get(SAMPLES), str) else s for s in sources]
+    tables["source"] = [
+        s | {SAMPLES: str(below / s[SAMPLES])} if isinstance(s.get(SAMPLES), str) else s for s in tables["source"]
+    ]
+    return tables
 
 
 WIDTH_KEYS = ("distribution", "degrees_of_freedom", "unit")

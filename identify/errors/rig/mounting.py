@@ -77,7 +77,7 @@ def _stiffness(values: np.ndarray, spread: np.ndarray) -> str:
 
 MOUNTING = ErrorModel(
     name="mounting_frequency", count=3, act=act, stage=Stage.SURROUNDINGS,
-    part="rig", needs=frozenset({"mounting"}), typical=TYPICAL,
+    part="rig", needs=frozenset({"mounting"}), unknowns=("mounting_frequency",), typical=TYPICAL,
     prior=part_of_wrench(0.01),
     words=CauseWords("flexible mounting", "{}", "stiffen it, or move more slowly", _stiffness),
 )  # fmt: skip

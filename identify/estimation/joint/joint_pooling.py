@@ -6,18 +6,46 @@ runs, and the scatter is that between mountings.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from identify.estimation.joint.priors import ConstantError, indices
-from identify.estimation.joint.single_run import JointRun
+from identify.estimation.joint.priors import ConstantError, Prior, indices
 from identify.least_squares.row_products import SharedEquations, eliminated
+from identify.signals.run import Run
 
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
 """Unknowns that all runs of one body and one rig share."""
 CALIBRATED = ("force_offset", "moment_offset")
 """Unknowns that runs share, too, where one static calibration precedes all of them."""
+
+
+class Solution(Protocol):
+    """A run's solution."""
+
+    @property
+    def information(self) -> np.ndarray:
+        """Information of the data on the prior's coordinates, (free, free)."""
+
+    @property
+    def z(self) -> np.ndarray:
+        """The most probable coordinates, (free,)."""
+
+
+class SolvedRun(Protocol):
+    """A run by itself, as it is pooled."""
+
+    @property
+    def run(self) -> Run:
+        """The run."""
+
+    @property
+    def prior(self) -> Prior:
+        """Prior of its unknowns."""
+
+    @property
+    def fit(self) -> Solution:
+        """Solution under this prior."""
 
 
 class PooledJoint(NamedTuple):
@@ -37,6 +65,12 @@ class PooledJoint(NamedTuple):
     """Degrees of freedom of ``scatter``; infinite for a single run."""
     by_prior: np.ndarray
     """Derivative of the first run's unknowns by the prior mean of each shared unknown, (count, count)."""
+    shared: np.ndarray
+    """Mask of the prior's coordinates that all runs share, (free,)."""
+    information: np.ndarray
+    """Information of all runs on these coordinates, without their prior, (shared, shared)."""
+    right: np.ndarray
+    """Right-hand side that goes with ``information``, (shared,)."""
 
 
 def shared_unknowns(
@@ -53,7 +87,7 @@ def shared_unknowns(
     return {*ALIGNED, *(CALIBRATED if calibrated else ()), *declared, "cg_from_still"} - set(drawn_by_mounting)
 
 
-def pool(runs: Sequence[JointRun], shared: Iterable[str], drawn_by_mounting: Iterable[str] = ()) -> PooledJoint:
+def pool(runs: Sequence[SolvedRun], shared: Iterable[str], drawn_by_mounting: Iterable[str] = ()) -> PooledJoint:
     """Pool the runs' estimates.
 
     Args:
@@ -71,7 +105,8 @@ def pool(runs: Sequence[JointRun], shared: Iterable[str], drawn_by_mounting: Ite
     # each cluster eliminates what is its own, so that only equations of the shared unknowns are added
     clusters = [_Cluster([runs[k] for k in group], common, by_mounting) for group in groups]
     reduced = [cluster.equations() for cluster in clusters]
-    total, right = sum(equations.matrix for equations in reduced), sum(equations.right for equations in reduced)
+    total = np.sum([equations.matrix for equations in reduced], axis=0)
+    right = np.sum([equations.right for equations in reduced], axis=0)
     precision = np.diag(counted[common])
     # the prior counts once, however many runs share it
     inverse = np.linalg.inv(total + precision)
@@ -96,10 +131,11 @@ def pool(runs: Sequence[JointRun], shared: Iterable[str], drawn_by_mounting: Ite
         from_mountings=scatter**2 * np.sum([change.T @ change for change in by_drawn], axis=0),
         scatter=scatter, degrees_of_freedom=freedom,
         by_prior=carried @ inverse @ precision @ np.linalg.pinv(root)[common],
+        shared=common, information=total, right=right[:, 0],
     )  # fmt: skip
 
 
-def _coordinates(runs: Sequence[JointRun], names: Iterable[str]) -> np.ndarray:
+def _coordinates(runs: Sequence[SolvedRun], names: Iterable[str]) -> np.ndarray:
     """Mask of the prior's coordinates that change some unknowns."""
     places = [place for name in names for place in indices([name])]
     return np.abs(runs[0].prior.root[places]).max(axis=0, initial=0.0) > 0
@@ -108,7 +144,7 @@ def _coordinates(runs: Sequence[JointRun], names: Iterable[str]) -> np.ndarray:
 class _Cluster:
     """Runs of one mounting: unknowns that all runs share come first, then those of the mounting, then of each run."""
 
-    def __init__(self, runs: Sequence[JointRun], common: np.ndarray, by_mounting: np.ndarray) -> None:
+    def __init__(self, runs: Sequence[SolvedRun], common: np.ndarray, by_mounting: np.ndarray) -> None:
         self.runs, self.common, self.by_mounting = runs, common, by_mounting
         self.alone = ~(common | by_mounting)
 

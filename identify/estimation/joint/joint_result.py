@@ -13,7 +13,7 @@ from identify.estimation.joint.joint_model import SLICES, TEN, Model, SpecificFo
 from identify.estimation.joint.joint_pooling import PooledJoint, pool, shared_unknowns
 from identify.estimation.joint.predicted_wrench import PredictedWrench
 from identify.estimation.joint.prior_departure import departures
-from identify.estimation.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, indices
+from identify.estimation.joint.priors import STATIC, Alignment, Setting, axes_of, calibrated, correlated, indices
 from identify.estimation.joint.single_run import JointRun, alpha_noise_gain
 from identify.least_squares.covariance_matrices import root_of
 from identify.least_squares.offsets import Offsets
@@ -121,10 +121,11 @@ def _rows(
             block = prior_covariance[np.ix_(indices(group), indices(group))]
             root = root_of(block - in_poses, block) if name == "static poses" else root_of(block)
             rows.append(Row(error=name, changes=pooled.by_prior[np.ix_(indices(TEN), indices(group))] @ root))
-    for name, error in setting.errors.items():
-        if error.shared and name not in {row.key for row in rows}:
+    shared = {name: error for name, error in setting.errors.items() if error.shared}
+    for name, (error, *_) in correlated(shared).items():
+        if name not in {row.key for row in rows}:
             columns = [effects[f"{name} {k + 1}"] for k in range(error.axes.shape[1])]
-            rows.append(Row(error=name, changes=np.transpose(columns)))
+            rows.append(Row(error=name, changes=np.transpose(columns), key=name if error.correlated_as else ""))
     from_mountings = pooled.from_mountings[np.ix_(indices(TEN), indices(TEN))]
     rows.append(Row(error="drawn by mounting", changes=root_of(from_mountings)))
     rows = [row for row in rows if row.changes.any()]
@@ -155,8 +156,9 @@ def _effects_of_axes(pooled: PooledJoint, setting: Setting) -> dict[str, np.ndar
     by_static = by_prior[:, indices(STATIC)]
     shared = {name: error for name, error in setting.errors.items() if error.shared}
     return {
-        name: by_static @ setting.lasting.get(name, np.zeros(10)) - by_prior[:, indices([unknown])] @ axis
-        for name, (unknown, axis) in axes_of(shared).items()
+        name: by_static @ setting.lasting.get(name, np.zeros(10))
+        - sum((by_prior[:, indices([part.unknown])] @ part.numbers for part in parts), np.zeros(10))
+        for name, parts in axes_of(shared).items()
     }
 
 

@@ -4,11 +4,12 @@ Unknowns are written ``theta = mean + root @ z``: with a prior, z is standard no
 free. An unknown of zero uncertainty has no column, so it is neither estimated nor costs anything.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 from identify.estimation.joint.joint_model import COUNT, SIZES, SLICES, WANDER, SpecificForce
@@ -74,6 +75,8 @@ class ConstantError(NamedTuple):
     """Whether the error is the same in all runs."""
     root: np.ndarray | None = None
     """Root of the error's covariance, a column for each independent axis of the source; None: any root will do."""
+    correlated_as: str = ""
+    """Name of the set of correlated errors whose roots have the same columns as this one's; '': it is independent."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -87,20 +90,38 @@ def error_blocks(errors: Mapping[str, ConstantError]) -> dict[tuple[str, ...], P
     Args:
         errors: by the name of their source.
     """
+    joined = dict.fromkeys(error.unknown for error in errors.values() if error.correlated_as)
     blocks: dict[tuple[str, ...], PriorBlock] = {}
-    for error in errors.values():
-        zero = PriorBlock(np.zeros_like(error.mean), np.zeros_like(error.covariance))
-        before = blocks.get((error.unknown,), zero)
-        blocks[error.unknown,] = PriorBlock(before.mean + error.mean, before.covariance + error.covariance)
+    for members in correlated(errors).values():
+        key = tuple(joined) if members[0].unknown in joined else (members[0].unknown,)
+        size = sum(SIZES[unknown] for unknown in key)
+        mean, axes = np.zeros(size), np.zeros((size, members[0].axes.shape[1]))
+        for member in members:
+            here = places_in(key, [member.unknown])
+            mean[here] += member.mean
+            axes[here] += member.axes
+        before = blocks.get(key, PriorBlock(np.zeros_like(mean), np.zeros((len(mean), len(mean)))))
+        blocks[key] = PriorBlock(before.mean + mean, before.covariance + axes @ axes.T)
     return blocks
 
 
-def axes_of(errors: Mapping[str, ConstantError]) -> dict[str, DeclaredError]:
-    """Return each independent axis of declared errors by its name, such as ``F_gain 1``."""
+def correlated(errors: Mapping[str, ConstantError]) -> dict[str, list[ConstantError]]:
+    """Return the declared errors that are correlated, by the name of their set, and each other one by its own."""
+    members: dict[str, list[ConstantError]] = {}
+    for name, error in errors.items():
+        members.setdefault(error.correlated_as or name, []).append(error)
+    return members
+
+
+def axes_of(errors: Mapping[str, ConstantError]) -> dict[str, tuple[DeclaredError, ...]]:
+    """Return what one standard uncertainty of each independent axis changes, by its name, such as ``F_gain 1``.
+
+    An axis of correlated errors changes several unknowns.
+    """
     return {
-        f"{name} {number}": DeclaredError(error.unknown, axis)
-        for name, error in errors.items()
-        for number, axis in enumerate(error.axes.T, 1)
+        f"{name} {number + 1}": tuple(DeclaredError(error.unknown, error.axes[:, number]) for error in members)
+        for name, members in correlated(errors).items()
+        for number in range(members[0].axes.shape[1])
     }
 
 
@@ -119,24 +140,45 @@ def linked(
         errors: declared errors, which all runs share.
         static_effects: by the name of an error's axis, its effect on ``STATIC``, (10,).
     """
-    both = {name: pair for name, pair in axes_of(errors).items() if name in static_effects}
-    names = sorted({(unknown,) for unknown, _ in both.values()})
-    if not names:
+    both = {name: parts for name, parts in axes_of(errors).items() if name in static_effects}
+    unknowns = {part.unknown for parts in both.values() for part in parts}
+    keys = sorted(key for key in blocks if unknowns & {*key})
+    if not keys:
         return dict(blocks)
-    members = (STATIC, *names)
-    sizes = [len(blocks[member].mean) for member in members]
-    ends = np.cumsum([0, *sizes])
-    covariance = np.zeros((ends[-1], ends[-1]))
-    for member, start, end in zip(members, ends, ends[1:], strict=False):
-        covariance[start:end, start:end] = blocks[member].covariance
-    for name, (unknown, axis) in both.items():
-        start = ends[members.index((unknown,))]
-        cross = -np.outer(static_effects[name], axis)
-        covariance[: sizes[0], start : start + len(axis)] += cross
-        covariance[start : start + len(axis), : sizes[0]] += cross.T
+    members = (STATIC, *keys)
+    names = sum(members, ())
+    covariance = scipy.linalg.block_diag(*(blocks[member].covariance for member in members))
+    fixed = np.arange(len(blocks[STATIC].mean))
+    for name, parts in both.items():
+        for unknown, axis in parts:
+            here, cross = places_in(names, [unknown]), -np.outer(static_effects[name], axis)
+            covariance[np.ix_(fixed, here)] += cross
+            covariance[np.ix_(here, fixed)] += cross.T
     mean = np.concatenate([blocks[member].mean for member in members])
-    others = {unknowns: block for unknowns, block in blocks.items() if unknowns not in members}
-    return {sum(members, ()): PriorBlock(mean, covariance), **others}
+    others = {key: block for key, block in blocks.items() if key not in members}
+    return {names: PriorBlock(mean, covariance), **others}
+
+
+def means_of(blocks: Mapping[tuple[str, ...], PriorBlock]) -> dict[str, np.ndarray]:
+    """Return the prior mean of each unknown of some blocks."""
+    return {name: block.mean[places_in(key, [name])] for key, block in blocks.items() for name in key}
+
+
+def without(blocks: Mapping[tuple[str, ...], PriorBlock], names: Collection[str]) -> dict[tuple[str, ...], PriorBlock]:
+    """Return the prior of the unknowns of other names."""
+    others = {}
+    for key, block in blocks.items():
+        remaining = tuple(name for name in key if name not in names)
+        places = places_in(key, remaining)
+        if remaining:
+            others[remaining] = PriorBlock(block.mean[places], block.covariance[np.ix_(places, places)])
+    return others
+
+
+def places_in(key: Sequence[str], names: Iterable[str]) -> np.ndarray:
+    """Return the places of some unknowns in a block of unknowns."""
+    ends = np.cumsum([0, *(SIZES[name] for name in key)])
+    return np.array([k for name in names for k in range(ends[key.index(name)], ends[key.index(name) + 1])], int)
 
 
 def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
@@ -232,4 +274,4 @@ def run_prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
 
 def indices(names: Iterable[str]) -> np.ndarray:
     """Return the places of some unknowns among all."""
-    return np.concatenate([np.arange(COUNT)[SLICES[name]] for name in names])
+    return np.concatenate([np.zeros(0, int), *(np.arange(COUNT)[SLICES[name]] for name in names)])

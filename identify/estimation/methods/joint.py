@@ -63,8 +63,12 @@ class JointEstimator(Method):
 
 
 def beside_alignment(errors: Mapping[str, ConstantError]) -> dict[str, ConstantError]:
-    """Return declared errors without delay and rotation of the IMU, whose prior is the alignment's."""
-    return {name: error for name, error in errors.items() if error.unknown not in ("delay", "rotation")}
+    """Return declared errors without delay and rotation of the IMU, whose prior is the alignment's.
+
+    Those that are correlated with other errors stay: a calibration has found them together.
+    """
+    aligned = ("delay", "rotation")
+    return {name: error for name, error in errors.items() if error.correlated_as or error.unknown not in aligned}
 
 
 def prior_blocks(problem: Problem, specific_force: SpecificForce) -> dict[tuple[str, ...], PriorBlock]:

@@ -36,9 +36,9 @@ def weight_errors(
         weight: wrench of the weight alone [N, N·m].
     """
     effects = {
-        name: wrench_error(unknown, axis, weight, experiment.gravity)
-        for name, (unknown, axis) in axes_of(estimated_errors(experiment, 0.0)).items()
-        if unknown in ON_POSES and axis.any()
+        name: np.sum([wrench_error(*part, weight, experiment.gravity) for part in parts], axis=0)
+        for name, every in axes_of(estimated_errors(experiment, 0.0)).items()
+        if (parts := [part for part in every if part.unknown in ON_POSES and part.numbers.any()])
     }
     columns = np.stack(list(effects.values()), axis=2) if effects else np.zeros((*weight.shape, 0))
     return columns, tuple(effects)

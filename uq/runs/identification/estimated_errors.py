@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection
 from functools import cache
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.errors.body.centre_of_gravity import CENTRE_OF_GRAVITY
 from identify.errors.error_model import CELL_MATRIX, ErrorModel
@@ -59,8 +60,8 @@ def estimated_errors(
 ) -> dict[str, ConstantError]:
     """Return the prior of each declared constant error, by the name of its source.
 
-    A source's draws are linear in the unknowns; they count as normal with the same mean and covariance. Correlations
-    between sources are left out: each axis of one source is correlated as declared.
+    A source's draws are linear in the unknowns; they count as normal with the same mean and covariance, correlated as
+    declared.
 
     Args:
         experiment: its sources.
@@ -80,6 +81,7 @@ def estimated_errors(
             priors[source.name] = ConstantError(
                 unknown=unknown, mean=numbers(np.asarray(effect(source, np.broadcast_to(source.mean, shape)))),
                 covariance=axes @ axes.T, shared=source.name not in redrawn, root=axes,
+                correlated_as=correlated_set(source, experiment) if source.name not in redrawn else "",
             )  # fmt: skip
     return priors
 
@@ -98,11 +100,25 @@ def drawn_unknowns(experiment: Experiment) -> frozenset[str]:
     ) - {""}
 
 
-def draw_root(source: Source, mixing: Collection[Mixing]) -> np.ndarray:
-    """Return a root of the covariance of one source's draw, (n, n), its axes correlated as declared."""
+def draw_root(source: Source, mixing: Collection[Mixing]) -> Float[np.ndarray, "n k"]:
+    """Return a root of the covariance of one source's draw, as declared.
+
+    Sources that are correlated with each other have the same columns: those of a root of their correlation matrix.
+    """
     sigma = np.broadcast_to(np.asarray(source.standard_deviation, float), np.shape(source.sigma)).ravel()
     for mix in mixing:
         if source.name in mix.names:
-            here = mix.places[source.name]
-            return root_of(np.asarray(mix.correlation)[here, here] * np.outer(sigma, sigma))
+            here, correlation = mix.places[source.name], np.asarray(mix.correlation)
+            if len(mix.names) > 1:
+                return np.asarray(sigma[:, None] * root_of(correlation)[here])
+            return root_of(correlation * np.outer(sigma, sigma))
     return np.diag(sigma)
+
+
+def correlated_set(source: Source, experiment: Experiment) -> str:
+    """Return the name of the set of correlated sources that a source is in, of their group or of all; '': of none."""
+    for mix in experiment.mixing:
+        if source.name in mix.names and len(mix.names) > 1:
+            groups = {other.group for other in experiment.sources if other.name in mix.names}
+            return groups.pop() if len(groups) == 1 else ", ".join(mix.names)
+    return ""

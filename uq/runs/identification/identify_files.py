@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment, still
 from rig.exceptions import quoted
+from uq.experiment.calibration_table import calibration_warnings, check_instruments
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import cautions
 from uq.experiment.undeclared_table import NONE
@@ -100,8 +102,10 @@ def identify_files(
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
     spec = experiment.estimator(estimator) if experiment.estimators or estimator else None
-    prepared = [_prepared(path, experiment, spec, windows) for path in paths]
+    prepared = [prepared_run(path, experiment, spec, windows) for path in paths]
     runs = labelled([run for run, _ in prepared], mountings)
+    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
+    check_instruments(experiment.calibrations, inputs)
 
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
         return _estimated(runs, experiment, spec, prior, method, validate)
@@ -128,9 +132,9 @@ def identify_files(
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
     assumed = dict.fromkeys([*mass_and_centre.assumptions, *(text for _, texts in prepared for text in texts)])
     on_body = (*([] if experiment.fixture is None else [WITH_FIXTURE]), *mass_and_centre.warnings)
-    inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
+    of_rig = calibration_warnings(experiment.calibrations, inputs, date.today())
     return result.joined(
-        warnings=(*on_body, *first, *then, *noisy, *cautions(experiment.report, inputs)),
+        warnings=(*on_body, *of_rig, *first, *then, *noisy, *cautions(experiment.report, inputs)),
         consistency=(*result.consistency, *([_repeatability(repeats)] if repeats and (repeats.sign > 0).any() else [])),
         assumptions=(*assumed, *_uncontradicted(result.assumptions, experiment), *_on_undeclared(experiment, prior)),
         provenance=provenance(**declared_inputs, **mass_and_centre.provenance, inputs=inputs),
@@ -212,7 +216,7 @@ def _estimated(
         mass=experiment.mass,
         centre=prior,
         method=method or experiment.recording.method,
-        alignment=_alignment(experiment),
+        alignment=alignment_of(experiment),
         cg_motion=experiment.recording.cg_motion,
         gravity=experiment.gravity,
         mass_uncertainty=None if experiment.scale is None else experiment.scale[1],
@@ -225,8 +229,8 @@ def _estimated(
     return result
 
 
-def _alignment(experiment: Experiment) -> Alignment:
-    """Prior of delay and rotation of the IMU: as the recording states, else as declared sources have it."""
+def alignment_of(experiment: Experiment) -> Alignment:
+    """Return the prior of delay and rotation of the IMU: as the recording states, else as declared sources have it."""
     recording, stated = experiment.recording, experiment.recording.alignment
     delay, turn = (declared_sigma(experiment.sources, field) for field in ("gyro_delay", "gyro_misalignment"))
     if recording.sigma_delay is None and delay > 0:
@@ -242,10 +246,17 @@ def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
     return scatter.verdict(axis=COMPONENTS[worst], share=float(repeats.ratio[worst]))
 
 
-def _prepared(
+def prepared_run(
     path: str | Path, experiment: Experiment, spec: EstimatorSpec | None, windows: Sequence[TimeWindow] | None
 ) -> tuple[Run, tuple[str, ...]]:
-    """The segments of a run that count, its weight put back, with its rest; and what is assumed."""
+    """Return the segments of a run that count, its weight put back, with its rest; and what is assumed.
+
+    Args:
+        path: of the run.
+        experiment: what the channels mean, and where the weight acts.
+        spec: the estimator; None: it is found in the run.
+        windows: the time windows that count; None: where it moves.
+    """
     recording = experiment.recording
     band = None if spec is None else spec.band
     recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=names_marks(windows))

@@ -5,7 +5,7 @@ added to it (:mod:`uq.runs.recorded.measured_noise` compares the two). Constant 
 to all runs, so they do not average out; those that each mounting draws independently do.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, ItemsView, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -29,7 +29,7 @@ from uq.files.mistakes import ExperimentError
 from uq.monte_carlo.gram_sums.error_maps import Platform, WrenchBasis
 from uq.monte_carlo.gram_sums.run_sums import RunSums, delay_nodes
 from uq.monte_carlo.trials.trial_loop import all_trials, finite_trials
-from uq.runs.identification.estimated_errors import draw_root
+from uq.runs.identification.estimated_errors import correlated_set, draw_root
 from uq.runs.identification.recorded_sums import measured, run_sums, weighed_equations
 from uq.sources.constant_errors import Errors, errors_of, errors_of_cases, no_errors, over_cases
 from uq.sources.draws import Mixing, draw_constants
@@ -79,6 +79,16 @@ class SystematicProblem(Pytree):
     weighed: bool = static_field()
     """Whether the sums are those of generalised least squares."""
 
+    sets: tuple[tuple[str, str], ...] = static_field(default=())
+    """Name of the set of correlated sources of each source, or its own."""
+
+    def by_set(self, sources: Iterable[Source]) -> ItemsView[str, list[Source]]:
+        """Return some of the sources, correlated ones together, by the name of their set."""
+        sets, members = dict(self.sets), dict[str, list[Source]]()
+        for source in sources:
+            members.setdefault(sets.get(source.name, source.name), []).append(source)
+        return members.items()
+
     @property
     def cases(self) -> tuple[frozenset[str], ...]:
         """The sources that each mounting draws independently (if any), and each source alone."""
@@ -123,13 +133,8 @@ def with_declared_sources(
         if systematic.failed > trials / 2:  # those that remain are no sample of the errors
             raise RunError(f"{left_out}: state smaller errors in [[source]]")
         warnings = (*warnings, f"{left_out}: they are left out")
-    rows = [*_by_act(result, experiment)] + [
-        drawn_row(
-            source.name, systematic.alone[source.name],
-            key=source.name if source.perturbs in SAME_FOR_EVERY_BODY else "",
-        )
-        for source in problem.sources if source.name not in problem.redrawn
-    ]  # fmt: skip
+    rows = [*_by_act(result, experiment), *_drawn_rows(problem, systematic)]
+    result, rows = _corrected(result, rows, {calibration.group for calibration in experiment.calibrations})
     if result.pooling is None:
         return result.joined(rows, warnings=warnings)
     by_mounting = systematic.by_mounting.std(axis=0)
@@ -155,6 +160,21 @@ def with_declared_sources(
     )  # fmt: skip
 
 
+def _drawn_rows(problem: SystematicProblem, systematic: Systematic) -> Iterator[Row]:
+    """Rows of the drawn sources, one a source or a set of correlated ones, whose errors add trial by trial."""
+    for name, members in problem.by_set(source for source in problem.sources if source.name not in problem.redrawn):
+        errors = np.sum([systematic.alone[source.name] for source in members], axis=0)
+        same = all(source.perturbs in SAME_FOR_EVERY_BODY for source in members)
+        yield drawn_row(name, errors, key=name if same else "")
+
+
+def _corrected(result: Identification, rows: Sequence[Row], names: Collection[str]) -> tuple[Identification, list[Row]]:
+    """The result corrected by the expected errors of calibrated sources (GUM 3.2.4), and the rows without these."""
+    shift = np.sum([np.broadcast_to(row.mean, 10) for row in rows if row.error in names], axis=0)
+    rows = [replace(row, mean=0.0) if row.error in names else row for row in rows]
+    return replace(result, value=result.value - shift), rows
+
+
 def _by_act(result: Identification, experiment: Experiment) -> Iterator[Row]:
     """Rows of errors that are declared by their file alone, by the estimate's derivatives; `joint` has its unknowns."""
     derivatives = result.by_held_errors or {}
@@ -177,12 +197,12 @@ def _of_poses(result: Identification, problem: SystematicProblem, mixing: Sequen
     """
     before = {row.key: row for row in result.ledger.rows if row.key}
     rows = []
-    for source in problem.sources_of_poses:
-        row = before[source.name]
-        root = draw_root(source, mixing)
+    for name, members in problem.by_set(problem.sources_of_poses):
+        row = before[name]
+        draws = zip(*(draw_root(source, mixing).T for source in members), strict=True)
         changes = [
-            (_estimate_with(problem, source, draw, centre) - _estimate_with(problem, source, -draw, -centre)) / 2
-            for draw, centre in zip(root.T, row.changes[1:4].T, strict=True)
+            (_estimate_with(problem, members, axes, centre) - _estimate_with(problem, members, axes, centre, -1.0)) / 2
+            for axes, centre in zip(draws, row.changes[1:4].T, strict=True)
         ]
         rows.append(replace(row, changes=np.vstack([row.changes[:4], np.transpose(changes)])))
     return rows
@@ -239,11 +259,12 @@ def problem_of(
     """
     acting = _acting(result, experiment, redrawn, slopes=slopes)
     keys = set() if slopes else {row.key for row in result.ledger.rows} - set(redrawn)
+    sets = {source.name: correlated_set(source, experiment) or source.name for source in acting}
     sources, of_poses = (
-        tuple(source for source in acting if (source.name in keys) == had_acted) for had_acted in (False, True)
+        tuple(source for source in acting if (sets[source.name] in keys) == had_acted) for had_acted in (False, True)
     )
     drawn = {source.name for source in sources}
-    mixing = tuple(mix for mix in experiment.mixing if set(mix.names) <= drawn)
+    mixing = tuple(mix for mix in experiment.mixing if set(mix.names) & drawn)
     names = [fitted.mounting for fitted in result.runs]  # None where the runs' names are not believed
     mountings = dict.fromkeys(names)
     _check_redrawn(redrawn, experiment.sources, mixing)
@@ -263,7 +284,7 @@ def problem_of(
     acting_redrawn = frozenset(redrawn) & {source.name for source in sources} if len(mountings) > 1 else frozenset()
     return SystematicProblem(
         sums=by_mounting, body=body, platform=platform, sources=sources, mixing=mixing, basis=basis,
-        sources_of_poses=of_poses,
+        sources_of_poses=of_poses, sets=tuple(sets.items()),
         redrawn=acting_redrawn, offsets=result.offsets,
         weighed=any(fitted.weighed is not None for fitted in result.runs),
     )  # fmt: skip
@@ -345,11 +366,18 @@ def equations(problem: SystematicProblem, errors: Sequence[Errors]) -> tuple[Flo
 
 
 def _estimate_with(
-    problem: SystematicProblem, source: Source, draw: Float[np.ndarray, " n"], centre: Float[np.ndarray, "3"]
+    problem: SystematicProblem,
+    sources: Sequence[Source],
+    draws: Sequence[Float[np.ndarray, " n"]],
+    centre: Float[np.ndarray, "3"],
+    sign: float = 1.0,
 ) -> Float[np.ndarray, "6"]:
-    """The tensor with a draw of one source, whose action on the static poses has moved the centre of gravity."""
-    errors = errors_of([source], {source.name: draw.reshape(np.shape(source.sigma))})
-    errors = errors._replace(r_cg=errors.r_cg + centre)
+    """The tensor with draws of some sources, whose action on the static poses has moved the centre of gravity."""
+    shaped = {
+        source.name: sign * draw.reshape(np.shape(source.sigma)) for source, draw in zip(sources, draws, strict=True)
+    }
+    errors = errors_of(sources, shaped)
+    errors = errors._replace(r_cg=errors.r_cg + sign * centre)
     return np.linalg.solve(*equations(problem, [errors] * len(problem.sums)))
 
 

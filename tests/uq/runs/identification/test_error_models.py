@@ -256,7 +256,7 @@ def test_lines_of_weighted_least_squares_have_what_the_errors_do(name):
         expected = (ends[0] - ends[1]) / (2 * step)
         numbers = error.by_cell_matrix @ unit if error.unknowns == CELL_MATRIX else unit
         (unknown,) = error.unknowns
-        changes = residual_changes(record, inertia, r_cg, [DeclaredError(unknown, numbers)])[:, :, 0]
+        changes = residual_changes(record, inertia, r_cg, [[DeclaredError(unknown, numbers)]])[:, :, 0]
         within = 0.02 if name == "delay" else 1e-6
         np.testing.assert_allclose(changes, expected, rtol=0, atol=within * np.abs(expected).max())
 

@@ -1,0 +1,1 @@
+"""Calibration of the rig by runs of known bodies."""

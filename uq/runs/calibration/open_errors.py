@@ -1,0 +1,95 @@
+"""Errors of the rig that a calibration leaves open: declared, or at typical size, each as a source and as a prior."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.errors.error_model import ErrorModel
+from identify.errors.registry import ERRORS
+from identify.estimation.joint.joint_model import BY_ACT
+from identify.estimation.joint.priors import Alignment, ConstantError
+from uq.experiment.experiment import Experiment
+from uq.experiment.typical_errors import figures_of, typical_errors
+from uq.runs.identification.estimated_errors import correlated_set, draw_root, estimated_errors
+from uq.sources.draws import Mixing
+from uq.sources.source import Source
+
+SENSORS = ("F", "M", "wrench", "omega")
+"""Targets of the errors that a calibration writes: those of the load cell and of the IMU."""
+ALIGNED = {"delay": ("omega", "delay"), "rotation": ("omega", "misalignment")}
+"""Target and kind of a source for each unknown that the alignment has."""
+
+
+@dataclass(frozen=True)
+class OpenErrors:
+    """The priors of a rig's errors."""
+
+    experiment: Experiment
+    """The experiment, its sources those errors of load cell and IMU that are the rig's, declared or typical."""
+    priors: Mapping[str, ConstantError]
+    """Priors of all errors that are open, by the name of the source, or of the error."""
+
+    def parts(self, alignment: Alignment) -> Iterator[tuple[Source, str, Float[np.ndarray, "n k"]]]:
+        """Yield each source, the name of its axes, and what one standard uncertainty of each axis adds to its draw."""
+        for source in self.experiment.sources:
+            root = draw_root(source, self.experiment.mixing)
+            yield source, correlated_set(source, self.experiment) or source.name, root
+        present = {error.unknown for error in self.priors.values()}
+        for name, (target, kind) in ALIGNED.items():
+            if name in present:
+                continue
+            shape = (3,) if name == "rotation" else ()
+            sigma = np.array(np.broadcast_to(getattr(alignment, f"sigma_{name}"), shape), float)
+            mean = np.array(getattr(alignment, name), float)
+            source = Source(name=name, target=target, kind=kind, group="alignment", sigma=sigma, mean=mean)
+            yield source, name, np.diag(np.atleast_1d(sigma))
+
+
+def open_errors(
+    experiment: Experiment, duration: float, largest: tuple[float, float], *, aligned: bool, absent: frozenset[str]
+) -> OpenErrors:
+    """Return the errors of a rig that are open in a calibration.
+
+    Args:
+        experiment: its sources, and the typical figures of what it does not declare.
+        duration: of a run [s].
+        largest: full scale of force [N] and moment [N·m], of which cross-talk is a part; zero: no cross-talk.
+        aligned: whether the alignment has delay and rotation of the IMU, as with the method ``joint``.
+        absent: what is not there, of :attr:`identify.errors.error_model.ErrorModel.needs`.
+    """
+    typical = typical_errors(experiment, largest)
+    names = {source.name for source in experiment.sources}
+    renamed = {name: f"typical_{name}" for name in names & {source.name for source in typical.sources}}
+    added = tuple(replace(source, name=renamed.get(source.name, source.name)) for source in typical.sources)
+    mixing = tuple(
+        Mixing(tuple(renamed.get(name, name) for name in mix.names), mix.axes, mix.correlation)
+        for mix in typical.mixing
+    )
+    every = replace(experiment, sources=(*experiment.sources, *added), mixing=(*experiment.mixing, *mixing))
+    priors = estimated_errors(every, duration, experiment.recording.drawn_by_mounting)
+    if aligned:
+        priors = {name: error for name, error in priors.items() if error.unknown not in ALIGNED}
+    sources = tuple(
+        source for source in every.sources if priors.get(source.name) and priors[source.name].shared and _is_rig(source)
+    )
+    for error, figure in figures_of(experiment):
+        if error.name in BY_ACT and error.name not in priors and not error.needs & absent:
+            axes = error.typical_numbers(figure)
+            priors[error.name] = ConstantError(error.name, np.zeros(error.count), axes @ axes.T, root=axes)
+    return OpenErrors(replace(every, sources=sources), priors)
+
+
+def _is_rig(source: Source) -> bool:
+    """Whether a source is an error of load cell or IMU that lasts from run to run."""
+    return source.target in SENSORS and _declared_by(source).scope == "rig"
+
+
+def _declared_by(source: Source) -> ErrorModel:
+    """The error that a source declares: the first that has its target, or one like it, and its kind."""
+    like = {"M": "F"}.get(source.target, source.target)
+    return next(
+        error for error in ERRORS.values()
+        if error.declared_as in ((source.target, source.kind), (like, source.kind))
+    )  # fmt: skip
