@@ -24,11 +24,12 @@ from identify.estimation.joint.priors import (
     indices,
     without,
 )
+from identify.estimation.joint.single_run import SolvedRun
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError
 from identify.judge.judged_fits import declared_of, falls, rows_in_band
-from identify.judge.run_fit import RunFit, fit_run
+from identify.judge.run_fit import fit_run
 from identify.least_squares.row_products import inverse, products, solution
 from identify.results.identification_result import Identification
 from identify.results.ledger import student_quantile
@@ -65,11 +66,11 @@ class KnownBody:
 
     name: str
     parameters: InertialParameters
-    """What is known, with its covariance; NaN what is not."""
+    """Ten parameters with their covariance; NaN what is not known."""
     problem: Problem
-    """Its runs, with all errors of the rig that are open, one :class:`ConstantError` each."""
+    """Runs of the body, with all errors of the rig that are open, one :class:`ConstantError` each."""
     result: Identification
-    """What is identified of the body where it is not known, from which runs are searched."""
+    """Identification of the body from these runs as if it were not known; searches start there."""
 
     @property
     def force_from(self) -> SpecificForce:
@@ -117,7 +118,7 @@ class Doubt(NamedTuple):
     parameter: str
     """Name among :data:`identify.rigid_body.inertial_parameters.PARAMETERS`."""
     change: float
-    """What the runs show it larger by than it is known, in SI."""
+    """Difference of the runs' value from the known one, in SI."""
     uncertainty: float
     """Standard uncertainty of the change, in SI."""
     log_odds: float
@@ -155,21 +156,6 @@ class RigErrors:
         return np.where(told, np.abs(numbers @ mean) / np.sqrt(np.where(told, variance, 1.0)), 0.0)
 
 
-class _Solution(NamedTuple):
-    """Normal equations of a run's unknowns without their priors, and the most probable coordinates."""
-
-    information: np.ndarray
-    z: np.ndarray
-
-
-class _FittedRun(NamedTuple):
-    """A run as :func:`identify.estimation.joint.joint_pooling.pool` takes it."""
-
-    run: Run
-    prior: Prior
-    fit: _Solution
-
-
 def rig_errors(bodies: Sequence[KnownBody]) -> RigErrors:
     """Return the rig's errors from the runs of one or more known bodies.
 
@@ -204,7 +190,7 @@ def rig_errors(bodies: Sequence[KnownBody]) -> RigErrors:
 
 
 class _Information(NamedTuple):
-    """What all runs tell of axes of errors and of the body's coordinates, all standard normal before the runs."""
+    """Information of all runs on axes of errors and on the body's coordinates, all standard normal before the runs."""
 
     matrix: np.ndarray
     right: np.ndarray
@@ -246,22 +232,19 @@ def _departure(mean: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
     return float(squares.sum()), int(counted.sum())
 
 
-def _fitted(body: KnownBody, run: Run, mounting: str | None) -> _FittedRun:
+def _fitted(body: KnownBody, run: Run, mounting: str | None) -> SolvedRun:
     """A run at its best, the body within its prior."""
     rows = rows_in_band(run, body.result, body.problem)
     if rows is None:
         raise RunError(f"{run.name} is too short for a calibration: record for longer")
     mean = body.block.mean
     fit = fit_run(run, rows, body.setting(run), {"mass": mean[:1], "r_cg": mean[1:4], "inertia": mean[4:]})
-    return _FittedRun(replace(run, mounting=mounting), fit.prior, _solved(fit))
-
-
-def _solved(fit: RunFit) -> _Solution:
     information = fit.weights @ products(fit.columns, fit.columns)
     departure = fit.residuals + fit.columns @ fit.best
     right = fit.weights @ products(fit.columns, departure[:, :, None])[:, 0]
     information = (information + information.T) / 2
-    return _Solution(information, solution(information + np.diag(fit.prior.counted), right))
+    z = solution(information + np.diag(fit.prior.counted), right)
+    return SolvedRun(replace(run, mounting=mounting), fit.prior, information, z)
 
 
 def _axes(

@@ -41,7 +41,7 @@ def _one_laboratory(experiment, number, runs, seed):
             laboratory.run(rng, delay, rotation), laboratory.calibration(rng, covariance), Alignment()
         )
         truth = np.concatenate([laboratory.body.inertia, [delay], rotation, laboratory.body.r_cg_from_q])
-        pooled = pool([joint], ())
+        pooled = pool([joint.solved], ())
         total, from_prior = (np.diag(part)[SHOWN] for part in (pooled.covariance, pooled.from_prior))
         rows.append((joint.theta[SHOWN] - truth, np.sqrt(total), from_prior / total))
     return tuple(np.array(part) for part in zip(*rows, strict=True))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from rig.atomic_files import replacing
 from rig.exceptions import RigError, on_one_line, quoted
+from uq.bodies.calibration.calibrate_files import calibrate_files
 from uq.cli.terminal.command_parser import CommandParser
 from uq.cli.terminal.common import finish, output_folder, start_jax
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.toml_text import toml_text
-from uq.runs.calibration.calibrate_files import calibrate_files
 
 
 def configure(parser: CommandParser) -> None:

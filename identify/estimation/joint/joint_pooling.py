@@ -6,46 +6,18 @@ runs, and the scatter is that between mountings.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from identify.estimation.joint.priors import ConstantError, Prior, indices
+from identify.estimation.joint.priors import ConstantError, indices
+from identify.estimation.joint.single_run import SolvedRun
 from identify.least_squares.row_products import SharedEquations, eliminated
-from identify.signals.run import Run
 
 ALIGNED = ("inertia", "mass", "r_cg", "delay", "rotation")
 """Unknowns that all runs of one body and one rig share."""
 CALIBRATED = ("force_offset", "moment_offset")
 """Unknowns that runs share, too, where one static calibration precedes all of them."""
-
-
-class Solution(Protocol):
-    """A run's solution."""
-
-    @property
-    def information(self) -> np.ndarray:
-        """Information of the data on the prior's coordinates, (free, free)."""
-
-    @property
-    def z(self) -> np.ndarray:
-        """The most probable coordinates, (free,)."""
-
-
-class SolvedRun(Protocol):
-    """A run by itself, as it is pooled."""
-
-    @property
-    def run(self) -> Run:
-        """The run."""
-
-    @property
-    def prior(self) -> Prior:
-        """Prior of its unknowns."""
-
-    @property
-    def fit(self) -> Solution:
-        """Solution under this prior."""
 
 
 class PooledJoint(NamedTuple):
@@ -172,9 +144,9 @@ class _Cluster:
         size = int(self.places(len(self.runs) - 1).max()) + 1
         normal, right, precision = np.zeros((size, size)), np.zeros((size, 1)), np.zeros(size)
         for number, run in enumerate(self.runs):
-            places, data, counted = self.places(number), run.fit.information, run.prior.counted
+            places, data, counted = self.places(number), run.information, run.prior.counted
             normal[np.ix_(places, places)] += data
-            right[places, 0] += (data + np.diag(counted)) @ run.fit.z
+            right[places, 0] += (data + np.diag(counted)) @ run.z
             precision[places] = np.where(self.common, 0.0, counted)
         return eliminated(normal + np.diag(precision), right, np.arange(size) < self.common.sum())
 

@@ -52,7 +52,7 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     is_calibrated = calibrated(setting.blocks)
     shared = shared_unknowns(setting.errors, calibrated=is_calibrated, drawn_by_mounting=drawn)
     by_mounting = {*drawn, *(error.unknown for error in setting.errors.values() if not error.shared)} - shared
-    pooled = pool(joint_runs, shared, by_mounting)
+    pooled = pool([fitted_run.solved for fitted_run in joint_runs], shared, by_mounting)
     by_residuals = float(np.sum([fitted_run.degrees_of_freedom for fitted_run in joint_runs]))
     freedom = pooled.degrees_of_freedom if pooled.scatter > 1 else by_residuals
     factor = float(scipy.special.stdtrit(freedom, 0.975))

@@ -1,6 +1,7 @@
 """One run's joint estimate from its samples: start, noise, solution."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,17 @@ REACH = 4.0
 """Standard uncertainties of the delay that the margins at a run's ends allow for."""
 
 
+class SolvedRun(NamedTuple):
+    """A run by itself, as it is pooled."""
+
+    run: Run
+    prior: Prior
+    information: np.ndarray
+    """Information of the data on the prior's coordinates, (free, free)."""
+    z: np.ndarray
+    """The most probable coordinates, (free,)."""
+
+
 @dataclass(frozen=True)
 class JointRun:
     """One run's joint estimate."""
@@ -39,6 +51,11 @@ class JointRun:
     """Standard deviation of the gyro's white noise [rad/s]."""
     degrees_of_freedom: float
     """Effective ones of the tensor's variances by the noise."""
+
+    @property
+    def solved(self) -> SolvedRun:
+        """The run as it is pooled."""
+        return SolvedRun(self.run, self.prior, self.fit.information, self.fit.z)
 
     @property
     def theta(self) -> np.ndarray:

@@ -174,7 +174,7 @@ def test_pooled_runs_are_one_large_problem(brief):
     laboratory, rng = joint_studies.own_laboratory(brief), np.random.default_rng(4)
     calibration = laboratory.calibration(rng)
     runs = [laboratory.estimate(laboratory.run(rng), calibration, Alignment()) for _ in range(2)]
-    pooled = pool(runs, (*ALIGNED, *CALIBRATED))
+    pooled = pool([run.solved for run in runs], (*ALIGNED, *CALIBRATED))
     root = np.asarray(runs[0].prior.root)
     common = np.abs(root[indices((*ALIGNED, *CALIBRATED))]).max(axis=0) > 0
     shared, separate = int(common.sum()), int((~common).sum())
@@ -205,7 +205,7 @@ def test_runs_of_a_mounting_share_what_it_draws(brief):
         estimated = laboratory.estimate(laboratory.run(rng), calibration, Alignment())
         runs.append(dataclasses.replace(estimated, run=dataclasses.replace(estimated.run, mounting=name)))
     shared = tuple(name for name in (*ALIGNED, *CALIBRATED) if name not in drawn)
-    pooled = pool(runs, shared, drawn)
+    pooled = pool([run.solved for run in runs], shared, drawn)
     root, counted = runs[0].prior.root, runs[0].prior.counted
     common, mounted = (np.abs(root[indices(names)]).max(axis=0) > 0 for names in (shared, drawn))
     level = np.where(common, 0, np.where(mounted & ~common, 1, 2))

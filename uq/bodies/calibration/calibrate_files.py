@@ -14,13 +14,13 @@ from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError, explains_names
 from identify.judge.judged_fits import falls
 from identify.known_bodies import Doubt, KnownBody, RigErrors, rig_errors
+from uq.bodies.calibration.calibration_result import CalibratedError, Calibration, units_of
+from uq.bodies.calibration.open_errors import OpenErrors, open_errors
 from uq.bodies.reference import Reference, load_reference
 from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import recorded_days, recorded_instruments
 from uq.files.mistakes import ExperimentError
 from uq.files.provenance import provenance
-from uq.runs.calibration.calibration_result import CalibratedError, Calibration, units_of
-from uq.runs.calibration.open_errors import OpenErrors, open_errors
 from uq.runs.identification.centre_prior import with_mass_and_centre
 from uq.runs.identification.identify_files import alignment_of, identify_files, prepared_run
 from uq.runs.identification.undeclared import largest_wrench
@@ -118,7 +118,7 @@ class _Prepared:
 
     @property
     def absent(self) -> frozenset[str]:
-        """What this rig does not have, of what errors need."""
+        """Conditions of errors that this rig does not meet."""
         absent = set()
         if specific_force_source(self.problem) != "accelerometer":
             absent.add("accelerometer")
@@ -169,7 +169,7 @@ def _group(about: Mapping[str, Any]) -> str:
 
 
 def _departures(posterior: RigErrors, errors: Sequence[CalibratedError]) -> list[str]:
-    """What the runs place farther from the priors than chance does, and the known body's part in it."""
+    """Text on errors that are larger than chance makes them, and on the known body's part in it."""
     if posterior.chance > IMPROBABLE:
         return []
     text = (
