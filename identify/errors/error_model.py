@@ -72,6 +72,8 @@ class TypicalSize:
     numbers: Callable[[float], Float[np.ndarray, "p k"]] | None = None
     """Function from a figure in SI to the error's numbers, a column for each that errs by itself; None: each errs by
     the figure."""
+    counts: bool = True
+    """Whether it counts where `[undeclared]` does not state it."""
     signed: bool = False
     """Whether the error's sign is known, so that its effect is a bias."""
 

@@ -8,6 +8,7 @@ from identify.errors.body.moving_part import MOVING_PART
 from identify.errors.body.slip import SLIP
 from identify.errors.body.still_missed import STILL_MISSED
 from identify.errors.error_model import ErrorModel
+from identify.errors.imu.accelerometer_axes import ACCELEROMETER_AXES
 from identify.errors.imu.accelerometer_bias import ACCELEROMETER_BIAS
 from identify.errors.imu.accelerometer_delay import ACCELEROMETER_DELAY
 from identify.errors.imu.accelerometer_place import ACCELEROMETER_PLACE
@@ -45,7 +46,7 @@ ERRORS: Mapping[str, ErrorModel] = {
         GYRO_SCALE, GYRO_AXES, GYRO_BIAS, GYRO_DRIFT, GYRO_G, GYRO_LATE, DELAY, CLOCK, ROTATION, TILT,
         MASS, CENTRE_OF_GRAVITY, STILL_MISSED, SLIP, MOVING_PART,
         GRAVITY, MOUNTING, CABLE, AIR, WEIGHT,
-        ACCELEROMETER_SCALE, ACCELEROMETER_PLACE, ACCELEROMETER_DELAY, ACCELEROMETER_BIAS,
+        ACCELEROMETER_SCALE, ACCELEROMETER_AXES, ACCELEROMETER_PLACE, ACCELEROMETER_DELAY, ACCELEROMETER_BIAS,
     )
 }  # fmt: skip
 """Every error by its name, in the order of reports and of ``[undeclared]``."""

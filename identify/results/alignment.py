@@ -49,10 +49,10 @@ class Aligned:
         return figures | {"estimated": self.estimated}
 
 
-def alignment_warnings(delay: Aligned, rotation: Aligned | None) -> list[str]:
+def alignment_warnings(delay: Aligned | None, rotation: Aligned | None) -> list[str]:
     """Return a warning for each quantity whose uncertainty is mostly the declared one; None: it is not asked for."""
     warnings = []
-    if delay.estimated and delay.prior_share[0] > LARGEST_PRIOR_SHARE:
+    if delay is not None and delay.estimated and delay.prior_share[0] > LARGEST_PRIOR_SHARE:
         warnings.append(
             f"the motion does not determine the delay: {100 * delay.prior_share[0]:.0f} % of its variance is the "
             "declared one; accelerate more, or declare it more closely"

@@ -24,9 +24,9 @@ def typical(unit: str) -> msgspec.Meta:
     return written(read, {"anyOf": [quantity_schema(unit), {"const": False}]})
 
 
-def _key(name: str, size: TypicalSize) -> tuple[str, Any, float]:
+def _key(name: str, size: TypicalSize) -> tuple[str, Any, float | None]:
     described = msgspec.Meta(description=size.about)
-    return name, Annotated[float | None, typical(size.key_unit), described], size.figure
+    return name, Annotated[float | None, typical(size.key_unit), described], size.figure if size.counts else None
 
 
 # a key for each error that has a typical size

@@ -10,6 +10,7 @@ VIEWS = {
     "identify.rigid_body.inertial_parameters.InertialParameters": f"{TABLES}.measurands:parameters",
     "identify.estimation.static_poses.centre_result.Centre": f"{TABLES}.centre",
     "uq.monte_carlo.barreto2016.PaperResult": f"{TABLES}.paper",
+    "uq.bodies.calibration.calibration_result.Calibration": f"{TABLES}.calibration",
     "uq.bodies.comparison.Comparison": f"{TABLES}.comparison",
     "uq.bodies.export.Exported": f"{TABLES}.measurands:exported",
     "uq.bodies.reference.Reference": f"{TABLES}.measurands:reference",

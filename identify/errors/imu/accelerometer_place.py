@@ -25,6 +25,7 @@ def act(state: RigState, metres: Numbers) -> RigState:
 ACCELEROMETER_PLACE = ErrorModel(
     name="accelerometer_place", count=3, act=act, linear=True, stage=Stage.BODY,
     part="accelerometer", needs=frozenset({"accelerometer"}), unknowns=("accelerometer_place",),
+    declared_as=("accelerometer", "place"),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "accelerometer place", "the accelerometer were displaced by {}", "correct imu_position", every(1e3, "mm")

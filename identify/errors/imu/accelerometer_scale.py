@@ -26,6 +26,7 @@ def act(state: RigState, scale: Numbers) -> RigState:
 ACCELEROMETER_SCALE = ErrorModel(
     name="accelerometer_scale", count=3, act=act, linear=True, stage=Stage.SENSOR_GAIN,
     part="accelerometer", needs=frozenset({"accelerometer"}), unknowns=("accelerometer_scale",),
+    declared_as=("accelerometer", "scale"),
     typical=TYPICAL, replaced_by_cause=True, prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "accelerometer scale", "the accelerometer's scale factors were wrong by {}", "calibrate it", every(100.0, "%")

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 
 from identify.display.rounding import significant
+from identify.errors.registry import ERRORS
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError, explains_names
 from identify.judge.judged_fits import falls
 from identify.known_bodies import Doubt, KnownBody, RigErrors, rig_errors
+from identify.results.declaration import ResidualCause
+from identify.results.identification_result import Identification
 from uq.bodies.calibration.calibration_result import CalibratedError, Calibration, units_of
 from uq.bodies.calibration.open_errors import OpenErrors, open_errors
 from uq.bodies.reference import Reference, load_reference
@@ -30,6 +33,8 @@ IMPROBABLE = 0.01
 """Chance of a departure of the rig's errors from their priors below which it is told."""
 DOUBTED = 3.0
 """Natural logarithm of the odds from which a parameter of the known body is named."""
+SCATTER = {"repeatability"}
+"""Findings on the scatter of runs, which widens the calibration."""
 RIGHT = "mass, centre of gravity and tensor of the known bodies are as stated, with their uncertainties"
 
 
@@ -67,7 +72,7 @@ def calibrate_files(
     posterior = rig_errors([body.known(opened) for body in prepared])
     errors, covariance = _calibrated(opened, posterior, first.problem)
     inputs = [entry for body in prepared for entry in body.inputs]
-    warnings = [f"{body.name}: {text}" for body in prepared for text in body.found.warnings]
+    warnings = [f"{body.name}: {finding.text}" for body in prepared for finding in _elsewhere(body.found)]
     performed = recorded_days(inputs)
     about: dict[str, Any] = {"made": date.today()} | ({"performed": performed[-1]} if performed else {})
     about |= {"due": due} if due else {}
@@ -120,10 +125,11 @@ class _Prepared:
     def absent(self) -> frozenset[str]:
         """Conditions of errors that this rig does not meet."""
         absent = set()
-        if specific_force_source(self.problem) != "accelerometer":
-            absent.add("accelerometer")
-        if all(falls(run, self.found, self.problem) for run in self.runs):
+        weightless = any(falls(run, self.found, self.problem) for run in self.runs)
+        if weightless:
             absent.add("mounting")
+        if weightless or specific_force_source(self.problem) != "accelerometer":
+            absent.add("accelerometer")
         return frozenset(absent)
 
     def known(self, opened: OpenErrors) -> KnownBody:
@@ -159,6 +165,12 @@ def _calibrated(
         rows.append(by_axis)
     every = np.concatenate(rows)
     return tuple(errors), every @ posterior.covariance @ every.T
+
+
+def _elsewhere(found: Identification) -> list[ResidualCause]:
+    """Findings that are no errors of load cell or IMU, which the calibration itself finds."""
+    sensors = {error.label for error in ERRORS.values() if error.part not in ("body", "rig") and error.scope == "rig"}
+    return [finding for finding in found.consistency if finding.cause not in {*sensors, *SCATTER} and not finding.note]
 
 
 def _group(about: Mapping[str, Any]) -> str:

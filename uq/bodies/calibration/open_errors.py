@@ -1,22 +1,25 @@
 """Errors of the rig that a calibration leaves open: declared, or at typical size, each as a source and as a prior."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.errors.error_model import ErrorModel
+from identify.errors.imu.accelerometer_axes import ACCELEROMETER_AXES
+from identify.errors.imu.gyro_axes import GYRO_AXES
 from identify.errors.registry import ERRORS
-from identify.estimation.joint.joint_model import BY_ACT
+from identify.errors.rig.mounting import MOUNTING
 from identify.estimation.joint.priors import Alignment, ConstantError
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import figures_of, typical_errors
 from uq.runs.identification.estimated_errors import correlated_set, draw_root, estimated_errors
 from uq.sources.draws import Mixing
-from uq.sources.source import Source
+from uq.sources.recorded_kinds import ErrorByAct
+from uq.sources.source import Source, kind_of
 
-SENSORS = ("F", "M", "wrench", "omega")
+SENSORS = ("F", "M", "wrench", "omega", "accelerometer")
 """Targets of the errors that a calibration writes: those of the load cell and of the IMU."""
 ALIGNED = {"delay": ("omega", "delay"), "rotation": ("omega", "misalignment")}
 """Target and kind of a source for each unknown that the alignment has."""
@@ -59,14 +62,15 @@ def open_errors(
         aligned: whether the alignment has delay and rotation of the IMU, as with the method ``joint``.
         absent: what is not there, of :attr:`identify.errors.error_model.ErrorModel.needs`.
     """
-    typical = typical_errors(experiment, largest)
+    typical, declared = typical_errors(experiment, largest), {(s.target, s.kind) for s in experiment.sources}
+    added = [*typical.sources, *_by_act(experiment, declared, absent)]
     names = {source.name for source in experiment.sources}
-    renamed = {name: f"typical_{name}" for name in names & {source.name for source in typical.sources}}
-    added = tuple(replace(source, name=renamed.get(source.name, source.name)) for source in typical.sources)
+    renamed = {source.name: f"typical_{source.name}" for source in added if source.name in names}
     mixing = tuple(
         Mixing(tuple(renamed.get(name, name) for name in mix.names), mix.axes, mix.correlation)
         for mix in typical.mixing
     )
+    added = [replace(source, name=renamed.get(source.name, source.name)) for source in added]
     every = replace(experiment, sources=(*experiment.sources, *added), mixing=(*experiment.mixing, *mixing))
     priors = estimated_errors(every, duration, experiment.recording.drawn_by_mounting)
     if aligned:
@@ -74,11 +78,24 @@ def open_errors(
     sources = tuple(
         source for source in every.sources if priors.get(source.name) and priors[source.name].shared and _is_rig(source)
     )
-    for error, figure in figures_of(experiment):
-        if error.name in BY_ACT and error.name not in priors and not error.needs & absent:
-            axes = error.typical_numbers(figure)
-            priors[error.name] = ConstantError(error.name, np.zeros(error.count), axes @ axes.T, root=axes)
+    if "mounting" not in absent and (figure := experiment.undeclared.mounting_frequency) is not None:
+        axes = MOUNTING.typical_numbers(figure)  # which no source declares
+        priors[MOUNTING.name] = ConstantError(MOUNTING.name, np.zeros(MOUNTING.count), axes @ axes.T, root=axes)
     return OpenErrors(replace(every, sources=sources), priors)
+
+
+def _by_act(experiment: Experiment, declared: Collection[tuple[str, str]], absent: frozenset[str]) -> Iterator[Source]:
+    """Sources of typical size of the errors that are declared by their file alone, and are not."""
+    figures = dict(figures_of(experiment))
+    if ACCELEROMETER_AXES not in figures and GYRO_AXES in figures:  # one turn of both against each other
+        figures[ACCELEROMETER_AXES] = figures[GYRO_AXES]
+    for error, figure in figures.items():
+        place = error.declared_as
+        if place is None or place in declared or error.needs & absent:
+            continue
+        if isinstance(kind_of(*place), ErrorByAct):
+            shape = kind_of(*place).shape
+            yield Source(name=error.name, target=place[0], kind=place[1], group="typical", sigma=np.full(shape, figure))
 
 
 def _is_rig(source: Source) -> bool:

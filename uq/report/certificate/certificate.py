@@ -112,7 +112,7 @@ class Certificate(Result):
         return self.identification.to_dict()
 
     def details(self) -> list[Table]:
-        """Return budget, undeclared errors, scatter, validation, alignment, tare, checks, runs, sources."""
+        """Return budget, undeclared errors, scatter, validation, alignment, tare, calibrations, checks, runs."""
         result = self.identification
         return [
             *tables.budget(result),
@@ -123,6 +123,7 @@ class Certificate(Result):
             *tables.bodies(result),
             *tables.alignment(result),
             *tables.tare(result),
+            *tables.calibrations(result),
             tables.checked(self.checks),
             *tables.elsewhere(result),
             identification_view.run_table(result),

@@ -237,6 +237,18 @@ def tare(result: Identification) -> list[Table]:
     return [Table("Tare: mass, centre of gravity from Q, tensor in g·m²", head, rows, TARE_NOTE)]
 
 
+def calibrations(result: Identification) -> list[Table]:
+    """Return the calibrations of the rig by known bodies that the result takes."""
+    experiment = result.provenance.get("experiment") or {}
+    rows = [
+        [entry["group"], *(str(entry.get(key, "–")) for key in ("performed", "made", "due")), str(len(entry["run"])),
+         ", ".join(dict.fromkeys(run.get("body", "") for run in entry["run"]))]
+        for entry in experiment.get("calibration", ())
+    ]  # fmt: skip
+    head = ["", "runs of", "computed", "due", "runs", "known bodies"]
+    return [Table("Calibration of the rig", head, rows, CALIBRATION_NOTE, wrap=True)] if rows else []
+
+
 def _with_u(values: np.ndarray, u: np.ndarray, unit: float) -> list[str]:
     """Figures to two digits of their standard uncertainty; in full where that is zero."""
     return [rounded(unit * x, unit * s) for x, s in zip(values, u, strict=True)]
@@ -289,6 +301,10 @@ DISCORDANCE_NOTE = (
     "that stood on the load cell."
 )
 TARE_NOTE = "Each tensor about its own centre of gravity; figures to two digits of their standard uncertainty."
+CALIBRATION_NOTE = (
+    "Errors of load cell and IMU by runs of known bodies: their means correct the result, their covariance is in its "
+    "intervals."
+)
 BUDGET_NOTE = (
     "A: by statistics of the runs, their residuals and their scatter; B: by other means, what is declared or known "
     "beforehand (GUM 4.2, 4.3). Correlated sources make the combined one differ from the root sum of squares."
