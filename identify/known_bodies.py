@@ -255,7 +255,8 @@ def _axes(
     for name in ("delay", "rotation"):  # which the alignment has
         if not any(error.unknown == name for error in errors.values()):
             sigma = np.diag(np.broadcast_to(getattr(alignment, f"sigma_{name}"), len(indices([name]))))
-            every[name] = ConstantError(name, np.zeros(len(sigma)), sigma**2, root=sigma)
+            if sigma.any():
+                every[name] = ConstantError(name, np.zeros(len(sigma)), sigma**2, root=sigma)
     sets = correlated(every)
     ends = np.cumsum([0, *(members[0].axes.shape[1] for members in sets.values())]).tolist()
     axes = {name: slice(start, end) for name, start, end in zip(sets, ends, ends[1:], strict=False)}

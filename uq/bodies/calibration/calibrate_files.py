@@ -10,6 +10,7 @@ import numpy as np
 
 from identify.display.rounding import significant
 from identify.errors.registry import ERRORS
+from identify.estimation.joint.priors import Alignment
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError, explains_names
@@ -70,7 +71,7 @@ def calibrate_files(
     if not opened.priors:
         raise ExperimentError("no error of the rig is open: declare them in [[source]], or write [undeclared]")
     posterior = rig_errors([body.known(opened) for body in prepared])
-    errors, covariance = _calibrated(opened, posterior, first.problem)
+    errors, covariance = _calibrated(opened, posterior, first.known(opened).alignment)
     inputs = [entry for body in prepared for entry in body.inputs]
     warnings = [f"{body.name}: {finding.text}" for body in prepared for finding in _elsewhere(body.found)]
     performed = recorded_days(inputs)
@@ -139,13 +140,13 @@ class _Prepared:
 
 
 def _calibrated(
-    opened: OpenErrors, posterior: RigErrors, problem: Problem
+    opened: OpenErrors, posterior: RigErrors, alignment: Alignment
 ) -> tuple[tuple[CalibratedError, ...], np.ndarray]:
     """The errors by target and kind, and the covariance of all their numbers."""
-    alignment = problem.alignment
-    assert alignment is not None  # noqa: S101
     together: dict[tuple[str, str], list[tuple[Any, np.ndarray]]] = {}
     for source, axes, root in opened.parts(alignment):
+        if axes not in posterior.axes:
+            continue
         by_axis = np.zeros((len(root), len(posterior.mean)))
         by_axis[:, posterior.axes[axes]] = root
         together.setdefault((source.target, source.kind), []).append((source, by_axis))
@@ -182,13 +183,13 @@ def _group(about: Mapping[str, Any]) -> str:
 
 def _departures(posterior: RigErrors, errors: Sequence[CalibratedError]) -> list[str]:
     """Text on errors that are larger than chance makes them, and on the known body's part in it."""
-    if posterior.chance > IMPROBABLE:
+    doubts = [_doubt(doubt) for doubt in posterior.doubts[:2] if doubt.log_odds > DOUBTED]
+    if posterior.chance > IMPROBABLE and not doubts:
         return []
     text = (
         f"the rig's errors are larger than expected (chi-squared {posterior.departure:.0f} of {posterior.directions}): "
         f"{_largest(errors)}"
     )
-    doubts = [_doubt(doubt) for doubt in posterior.doubts[:2] if doubt.log_odds > DOUBTED]
     cure = "if the rig is known to err so, declare it wider in [[source]]; else check the body, or add a second one"
     return [f"{text}{'; or ' if doubts else ''}{', or '.join(doubts)}: {cure}"]
 

@@ -153,8 +153,8 @@ def units_of(source: Source) -> np.ndarray:
     return np.array(UNITS) if shape == (6, 6) else np.full(shape, source.error_kind.figures(source.target).unit)
 
 
-def _written(values: np.ndarray, units: np.ndarray) -> Any:
+def _written(values: Any, units: Any) -> Any:
     """Figures in their units as TOML has them."""
-    if not values.ndim:
+    if not np.ndim(values):
         return f"{values / part_of(str(units)):.9g} {units}"
     return [_written(value, unit) for value, unit in zip(values, units, strict=True)]

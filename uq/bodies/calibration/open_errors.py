@@ -15,6 +15,7 @@ from identify.estimation.joint.priors import Alignment, ConstantError
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import figures_of, typical_errors
 from uq.runs.identification.estimated_errors import correlated_set, draw_root, estimated_errors
+from uq.sources.constant_errors import declared_sigma
 from uq.sources.draws import Mixing
 from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Source, kind_of
@@ -87,11 +88,12 @@ def open_errors(
 def _by_act(experiment: Experiment, declared: Collection[tuple[str, str]], absent: frozenset[str]) -> Iterator[Source]:
     """Sources of typical size of the errors that are declared by their file alone, and are not."""
     figures = dict(figures_of(experiment))
-    if ACCELEROMETER_AXES not in figures and GYRO_AXES in figures:  # one turn of both against each other
-        figures[ACCELEROMETER_AXES] = figures[GYRO_AXES]
+    if ACCELEROMETER_AXES not in figures:  # against the gyro, whose own turn the IMU's rotation is
+        of_gyro = declared_sigma(experiment.sources, "gyro_misalignment").max()
+        figures[ACCELEROMETER_AXES] = float(np.hypot(of_gyro, figures.get(GYRO_AXES, 0.0)))
     for error, figure in figures.items():
         place = error.declared_as
-        if place is None or place in declared or error.needs & absent:
+        if place is None or place in declared or error.needs & absent or not figure > 0:
             continue
         if isinstance(kind_of(*place), ErrorByAct):
             shape = kind_of(*place).shape

@@ -25,7 +25,6 @@ from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
 from uq.files.units import scale
 from uq.runs.inspection.topic_finding import topic_finding
-from uq.sources.constant_errors import declared_sigma
 
 
 def experiment_findings(
@@ -128,8 +127,9 @@ def _in_si(name: str | None, unit: str) -> float:
 
 
 def _sigma_turn(experiment: Experiment, *, turn_free: bool) -> np.ndarray:
-    """Standard uncertainty of the turn between IMU and load cell that is declared, each axis [rad]."""
-    sigmas = [declared_sigma(experiment.sources, field) for field in ("gyro_misalignment", "cell_misalignment")]
+    """Root mean square of the turn between IMU and load cell that is declared, each axis [rad]."""
+    turns = [source for source in experiment.sources if source.perturbs in ("gyro_misalignment", "cell_misalignment")]
+    sigmas = [np.hypot(source.standard_deviation, np.broadcast_to(source.mean, 3)) for source in turns]
     if turn_free and experiment.recording.sigma_rotation is not None:
         sigmas.append(np.broadcast_to(experiment.recording.sigma_rotation, 3))
     return np.sqrt(sum((sigma**2 for sigma in sigmas), np.zeros(3)))

@@ -11,16 +11,16 @@ import pytest
 from identify.exceptions import RunError
 from rig.exceptions import RigError
 from tests.helpers.calibration_study import MOTIONS, known_body
-from tests.helpers.commands import main
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import document, source, write
 from uq.bodies.calibration.calibrate_files import calibrate_files
+from uq.cli.main import main
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.toml_text import toml_text
 from uq.runs.identification.identify_files import identify_files
 
-GAIN, SECONDS = 0.006, 12.0
+GAIN, SECONDS = 0.006, 10.0
 RIG = {"cell_gain": (0.0, 0.0, 0.0, GAIN, GAIN, GAIN), "gyro_scale": (0.002, -0.003, 0.001), "seconds": SECONDS}
 """A gain that all axes of the moment share, of which an unknown body's data show nothing."""
 BODY = {"inertia": np.diag([0.25, 0.31, 0.2]), "mass": 14.0}
@@ -59,11 +59,11 @@ def test_what_no_unknown_body_shows_is_found(rig):
     *_, result = rig
     gain, scale = (error_named(result, target, "scale") for target in ("M", "omega"))
     np.testing.assert_allclose(gain.mean, GAIN, atol=3 * gain.standard_uncertainty.max())
-    assert gain.standard_uncertainty.max() < 0.6 * gain.prior.max()
+    assert gain.standard_uncertainty.max() < 0.7 * gain.prior.max()
     assert (np.abs(scale.mean - RIG["gyro_scale"]) < 3 * scale.standard_uncertainty).all()
 
 
-@pytest.mark.parametrize("method", ["source", "joint"])
+@pytest.mark.parametrize("method", ["source", pytest.param("joint", marks=pytest.mark.slow)])
 def test_another_body_is_corrected_and_covered(rig, other, method):
     """Without the calibration the gain is an error of 0.6 % that nothing tells, outside the first interval."""
     path, content, measured = other
@@ -98,20 +98,24 @@ def test_the_file_says_when_and_on_which_runs(rig):
     (calibration,) = experiment.calibrations
     assert [run.file for run in calibration.run] == [path.name for path in paths]
     assert all(len(run.sha256) == 64 and run.body == "standard" for run in calibration.run)
-    assert calibration.due == date(2030, 1, 1) and calibration.performed == date(2023, 11, 14)
+    assert (calibration.due, calibration.performed) == (date(2030, 1, 1), date(2023, 11, 14))
     assert {source.group for source in experiment.sources} == {result.group}
 
 
-@pytest.mark.parametrize(("figure", "factor"), [("mass", 1.012), ("I22", 1.02)])
-def test_a_wrong_drawing_is_named(rig, figure, factor):
-    """A mass 1.2 % off, a moment 2 % off: the rig's errors are improbable, and the drawing is named beside them."""
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("figure", "factor", "named"),
+    [("mass", 1.012, "the mass were off by 0.2"), ("I11", 1.02, "the I11 of standard is ")],
+)
+def test_a_wrong_drawing_is_named(rig, figure, factor, named):
+    """A mass 1.2 % off, a moment 2 % off: it is named beside the errors of the rig that would do the same."""
     folder, _, paths, experiment, _ = rig
     wrong = known_body(folder / f"wrong_{figure}.toml", np.random.default_rng(1), {figure: factor})
-    (text, *_) = calibrate_files([(wrong, paths)], experiment).warnings
-    assert "larger than expected" in text
-    assert f"the {figure} of standard is +" in text
+    result = calibrate_files([(wrong, paths)], experiment)
+    assert any(named in text for text in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_right_drawing_and_a_usual_rig_are_no_news(rig, tmp_path):
     paths, measured = runs_of(tmp_path, {"seconds": SECONDS}, first=300)
     result = calibrate_files([(rig[1], paths)], Experiment.from_dict(document(measured, "source")))
@@ -119,8 +123,9 @@ def test_a_right_drawing_and_a_usual_rig_are_no_news(rig, tmp_path):
     assert result.chance > 0.01
 
 
+@pytest.mark.slow
 def test_a_body_that_is_not_held_is_named(rig, tmp_path):
-    paths, measured = runs_of(tmp_path, {"seconds": SECONDS, "slosh_mass": 0.05}, first=400)
+    paths, measured = runs_of(tmp_path, {"seconds": SECONDS, "slip": (0.003, 0.0, 0.0)}, first=400)
     result = calibrate_files([(rig[1], paths)], Experiment.from_dict(document(measured, "source")))
     assert any(text.startswith("standard: ") for text in result.warnings)
 
@@ -136,9 +141,10 @@ def test_what_a_result_must_say_of_its_calibration(rig, other):
     assert any(text.endswith("the drawing may be wrong") for text in warnings)
 
 
+@pytest.mark.slow
 def test_two_known_bodies(rig, tmp_path):
     """A second body: of the first, its own figures alone are doubted."""
-    folder, body, paths, experiment, one = rig
+    _, body, paths, experiment, one = rig
     options = RIG | BODY
     more, _ = runs_of(tmp_path, options, first=600)
     text = re.sub(r'name = "standard"', 'name = "second"', body.read_text())
@@ -181,18 +187,22 @@ def test_another_serial_number_is_refused(rig, other, monkeypatch):
 
 
 def test_the_command(rig, tmp_path, capsys, monkeypatch):
-    folder, body, paths, experiment, _ = rig
+    _, body, paths, *_ = rig
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "e.toml").write_text(toml_text(document(measure(100, **RIG), "source", [source("gain", "M", "scale", [1] * 3)])))
+    (tmp_path / "e.toml").write_text(
+        toml_text(document(measure(100, **RIG), "source", [source("gain", "M", "scale", [1] * 3)]))
+    )
     given = ["calibrate", *map(str, paths), "--known", str(body), "--experiment", "e.toml"]
     assert main([*given, "-o", "rig.toml", "--out", "out", "--due", "2030-01-01"]) == 0
     printed = capsys.readouterr().out
     assert "Calibration of the rig by standard, 2 runs" in printed
     assert 'use it in an experiment: include = ["rig.toml"]' in printed
     content = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert content["kind"] == "inertia calibrate" and content["errors"]
+    assert content["kind"] == "inertia calibrate"
+    assert content["errors"]
     for more, line in (
-        (["-o", "rig.toml"], "exists: give another name to -o"), (["--due", "soon"], "--due is 'soon': write a date"),
+        (["-o", "rig.toml"], "exists: give another name to -o"),
+        (["--due", "soon"], "--due is 'soon': write a date"),
         (["--known", str(body), str(paths[0])], "stands before --known: name the runs of each body behind it"),
     ):
         assert main([*given, *more]) == 2
