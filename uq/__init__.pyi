@@ -4,7 +4,6 @@ from .analysis.propagation.propagation_of_distributions import propagate_distrib
 from .analysis.sensitivity.sobol_shapley import shapley as shapley
 from .analysis.sensitivity.sobol_shapley import sobol as sobol
 from .analysis.sensitivity.source_budget import budget as budget
-from .bodies.calibration.calibrate_files import calibrate_files as calibrate_files
 from .bodies.comparison import compare as compare
 from .bodies.export import export as export
 from .bodies.reference import load_reference as load_reference

@@ -134,7 +134,8 @@ class Calibration(Result):
     def title(self) -> str:
         """Return what the tables are of."""
         bodies = dict.fromkeys(run["body"] for run in self.about["run"])
-        return f"Calibration of the rig by {', '.join(bodies)}, {len(self.about['run'])} runs"
+        count = len(self.about["run"])
+        return f"Calibration of the rig by {', '.join(bodies)}, {count} run{'s' * (count > 1)}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json."""

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.errors.error_model import ErrorModel
 from identify.errors.imu.accelerometer_axes import ACCELEROMETER_AXES
 from identify.errors.imu.gyro_axes import GYRO_AXES
-from identify.errors.registry import ERRORS
 from identify.errors.rig.mounting import MOUNTING
 from identify.estimation.joint.priors import Alignment, ConstantError
 from uq.experiment.experiment import Experiment
 from uq.experiment.typical_errors import figures_of, typical_errors
-from uq.runs.identification.estimated_errors import correlated_set, draw_root, estimated_errors
+from uq.runs.identification.estimated_errors import correlated_set, declared_error, draw_root, estimated_errors
 from uq.sources.constant_errors import declared_sigma
 from uq.sources.draws import Mixing
 from uq.sources.recorded_kinds import ErrorByAct
@@ -102,13 +100,5 @@ def _by_act(experiment: Experiment, declared: Collection[tuple[str, str]], absen
 
 def _is_rig(source: Source) -> bool:
     """Whether a source is an error of load cell or IMU that lasts from run to run."""
-    return source.target in SENSORS and _declared_by(source).scope == "rig"
-
-
-def _declared_by(source: Source) -> ErrorModel:
-    """The error that a source declares: the first that has its target, or one like it, and its kind."""
-    like = {"M": "F"}.get(source.target, source.target)
-    return next(
-        error for error in ERRORS.values()
-        if error.declared_as in ((source.target, source.kind), (like, source.kind))
-    )  # fmt: skip
+    error = declared_error(source)
+    return source.target in SENSORS and error is not None and error.scope == "rig"

@@ -44,6 +44,24 @@ def weight_errors(
     return columns, tuple(effects)
 
 
+def calibrated_error(experiment: Experiment, weight: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 6"]:
+    """Return what the means of calibrated sources do to the wrench of static poses, which are corrected by it.
+
+    Args:
+        experiment: its sources, calibrations and gravity.
+        weight: wrench of the weight alone [N, N·m].
+    """
+    groups = {calibration.group for calibration in experiment.calibrations}
+    names = {source.name for source in experiment.sources if source.group in groups}
+    errors = [error for name, error in estimated_errors(experiment, 0.0).items() if name in names]
+    parts = [
+        wrench_error(error.unknown, error.mean, weight, experiment.gravity)
+        for error in errors
+        if error.unknown in ON_POSES
+    ]
+    return np.sum([np.zeros_like(weight), *parts], axis=0)
+
+
 def wrench_error(
     unknown: str, error: Float[np.ndarray, " p"], weight: Float[np.ndarray, "n 6"], gravity: float
 ) -> Float[np.ndarray, "n 6"]:
@@ -94,9 +112,10 @@ def check_declared(experiment: Experiment, centre: Centre, name: str) -> None:
 
 
 def _figures(resolved: Any, name: str) -> list[Any]:
-    """The figures of a source, and the correlation of its axes, as the provenance of a result has them."""
+    """The figures of a source, or of a calibration's, and the correlation of its axes, as a provenance has them."""
     try:
-        figures = [[source[key] for key in FIGURES] for source in resolved["sources"] if source["name"] == name]
+        members = [source for source in resolved["sources"] if name in (source["name"], source["group"])]
+        figures = [[source[key] for key in FIGURES] for source in members]
         for mix in resolved["mixing"]:
             if name in mix["names"]:
                 number = mix["names"].index(name)

@@ -32,6 +32,12 @@ def _declared_errors() -> dict[str, ErrorModel]:
     return fields
 
 
+def declared_error(source: Source) -> ErrorModel | None:
+    """Return the error of the rig that a source declares; None: none of those that runs are judged by."""
+    kind = source.error_kind
+    return kind.error if isinstance(kind, ErrorByAct) else _declared_errors().get(source.perturbs or "")
+
+
 def estimated_as(source: Source, duration: float) -> tuple[str, Callable[[np.ndarray], np.ndarray]] | None:
     """Return the unknown of the joint model that a source changes, and the function from what it adds to the numbers.
 
@@ -41,10 +47,9 @@ def estimated_as(source: Source, duration: float) -> tuple[str, Callable[[np.nda
         source: a constant error.
         duration: of a run [s], which makes a change of a drift's slope.
     """
+    error = declared_error(source)
     if isinstance(source.error_kind, ErrorByAct):
-        unknowns = source.error_kind.error.unknowns
-        return (unknowns[0], np.ravel) if unknowns else None
-    error = _declared_errors().get(source.perturbs or "")
+        return (error.unknowns[0], np.ravel) if error is not None and error.unknowns else None
     if error is None or error is CENTRE_OF_GRAVITY:
         return None
     if error is DRIFT:  # of force or of moment

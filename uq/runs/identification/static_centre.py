@@ -44,7 +44,7 @@ from uq.experiment.recording_table import RecordingTable
 from uq.files.csv_columns import read_columns
 from uq.files.provenance import provenance
 from uq.files.units import scale
-from uq.runs.identification.centre_errors import ATTITUDE_AXIS, weight_errors
+from uq.runs.identification.centre_errors import ATTITUDE_AXIS, calibrated_error, weight_errors
 from uq.runs.identification.undeclared import centre_with_undeclared
 from uq.runs.inspection.experiment_findings import declared_rig
 from uq.runs.recorded.declared_channels import DeclaredConventions, declared
@@ -144,7 +144,12 @@ def centre_file(
         raise RunError("; ".join(_texts(findings)) or str(error)) from None
     findings = findings or unit_findings(plain, rig, name)
     push = plain.mass * specific_force
-    errors, names = weight_errors(experiment, np.hstack([push, np.cross(plain.r_cg, push)]))
+    weight = np.hstack([push, np.cross(plain.r_cg, push)])
+    if (expected := calibrated_error(experiment, weight)).any():
+        force, moment = force - expected[:, :3], moment - expected[:, 3:]
+        estimate = partial(estimate.func, force, moment, specific_force, **estimate.keywords)
+        plain = estimate(attitudes=attitudes)
+    errors, names = weight_errors(experiment, weight)
     result = estimate(attitudes=replace(attitudes, wrench=errors)) if names else plain
     result = centre_with_undeclared(
         result, experiment, wrench=np.hstack([force, moment]), specific_force=specific_force,

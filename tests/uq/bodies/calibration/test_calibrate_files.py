@@ -19,6 +19,7 @@ from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
 from uq.files.toml_text import toml_text
 from uq.runs.identification.identify_files import identify_files
+from uq.runs.identification.static_centre import centre_file
 
 GAIN, SECONDS = 0.006, 10.0
 RIG = {"cell_gain": (0.0, 0.0, 0.0, GAIN, GAIN, GAIN), "gyro_scale": (0.002, -0.003, 0.001), "seconds": SECONDS}
@@ -207,3 +208,26 @@ def test_the_command(rig, tmp_path, capsys, monkeypatch):
     ):
         assert main([*given, *more]) == 2
         assert line in capsys.readouterr().err
+
+
+def test_static_poses_are_corrected_too(rig, tmp_path):
+    """A load cell that reads 1 % too much force: the mass of poses is too large by as much, without the calibration."""
+    up = np.vstack([np.eye(3), -np.eye(3), np.full((1, 3), 3**-0.5)])
+    mass, r_cg, gravity = 5.0, np.array([0.01, -0.02, 0.05]), 9.81
+    force = 1.01 * mass * gravity * up
+    rows = np.hstack([-gravity * up, force, np.cross(r_cg, force)])
+    np.savetxt(tmp_path / "poses.csv", rows, delimiter=",", header="gx,gy,gz,fx,fy,fz,mx,my,mz", comments="")
+    gains = {"target": "F", "kind": "scale", "group": "calibration_1", "mean": "1 %", "sigma": "0.01 %"}
+    moments = gains | {"target": "M", "mean": "1 %"}
+    content = {
+        "calibration": [{"group": "calibration_1"}],
+        "source": [{"name": "a", **gains}, {"name": "b", **moments}],
+        "correlation": [{"sources": ["a", "b"], "coefficient": 0.5}],
+        "platform": {"gravity": "9.81 m/s^2"},
+        "poses": {
+            "gravity": ["gx", "gy", "gz"], "force": ["fx", "fy", "fz"], "moment": ["mx", "my", "mz"],
+        },
+    }  # fmt: skip
+    found = centre_file(tmp_path / "poses.csv", Experiment.from_dict(content))
+    np.testing.assert_allclose([found.mass, *found.r_cg], [mass, *r_cg], rtol=1e-4, atol=1e-5)
+    assert all(name.startswith("calibration_1 ") for name in found.lasting_names)
