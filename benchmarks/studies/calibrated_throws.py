@@ -1,8 +1,8 @@
 """Real throws of bodies of known tensor: each identified with a calibration of the rig by the other, and without.
 
 ``python -m benchmarks.studies.calibrated_throws FOLDER``; the folder is that of :mod:`benchmarks.studies.throws`. The
-uncertainty of the geometry is not stated: 0.5 % of the moments is assumed, of a product 0.5 % of the geometric mean of its two.
-Gyro and flywheel were mounted by hand: for a calibration the axes of both are declared within 1.5°.
+uncertainty of the geometry is not stated: 0.5 % of the moments is assumed, for a product of the mean of its two. Gyro
+and flywheel were mounted by hand: for a calibration the axes of both are declared within 1.5°.
 """
 
 import json

@@ -10,7 +10,6 @@ without one.
 
 import argparse
 import tempfile
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import repeat
@@ -86,7 +85,9 @@ def calibrated(folder: Path, seed: int, rig: dict, method: str, wrong: dict[str,
     return calibrate_files([(body, paths)], Experiment.from_dict(document(runs[0], method)))
 
 
-def answers_of_rig(seed: int, size: float, method: str) -> list[tuple[CalibratedAnswer, CalibratedAnswer]]:
+def answers_of_rig(
+    seed: int, size: float, method: str
+) -> list[tuple[CalibratedAnswer | None, CalibratedAnswer | None]]:
     """Answers on four bodies, with the rig's calibration and without."""
     import jax
 
@@ -94,7 +95,6 @@ def answers_of_rig(seed: int, size: float, method: str) -> list[tuple[Calibrated
     from tests.helpers.laboratory_files import document, write
     from uq.experiment.experiment import Experiment
     from uq.files.toml_text import toml_text
-    from uq.runs.identification.identify_files import identify_files
 
     rig = {key: value for key, value in drawn(seed, size, OF_THE_RIG).items() if key != "mass_error"}
     every = []
@@ -105,19 +105,28 @@ def answers_of_rig(seed: int, size: float, method: str) -> list[tuple[Calibrated
         for number in range(4):
             run = measure(20_000 + 10 * seed + number, **rig, **other_body(rng), **MOTIONS[number % len(MOTIONS)])
             path, content = write(folder / f"body{number}.mcap", run), document(run, method)
-            pair = [
-                identify_files([path], Experiment.from_dict(content | include, folder))
-                for include in ({"include": ["rig.toml"]}, {})
-            ]
             every.append(tuple(
-                CalibratedAnswer(result.interval95, result.conventional_bound, bool(result.warnings), run.truth)
-                for result in pair
+                _answer(path, Experiment.from_dict(content | include, folder), run.truth)
+                for include in ({"include": ["rig.toml"]}, {})
             ))  # fmt: skip
     return every
 
 
-def row(label: str, size: float, method: str, answers: Sequence[CalibratedAnswer]) -> str:
+def _answer(path: Path, experiment, truth: np.ndarray) -> CalibratedAnswer | None:
+    """What is said of one body; None: it is refused."""
+    from identify.exceptions import RunError
+    from uq.runs.identification.identify_files import identify_files
+
+    try:
+        result = identify_files([path], experiment)
+    except RunError:
+        return None
+    return CalibratedAnswer(result.interval95, result.conventional_bound, bool(result.warnings), truth)
+
+
+def row(label: str, size: float, method: str, answers: list[CalibratedAnswer | None]) -> str:
     """A line of the table."""
+    refused, answers = answers.count(None), [answer for answer in answers if answer is not None]
     truths = np.array([answer.truth for answer in answers])
     first, second = (
         quality(np.array([getattr(answer, name) for answer in answers]), truths) for name in ("first", "second")
@@ -127,14 +136,14 @@ def row(label: str, size: float, method: str, answers: Sequence[CalibratedAnswer
     cells = [
         label, f"{size:g}", method, str(len(answers)), f"{first.held:.1f}", f"{second.held:.1f}",
         f"{first.error_over_u:.2f}", f"{second.error_over_u:.2f}", f"{100 * np.median(half):.2f}",
-        f"{100 * np.median(wide):.2f}", str(sum(map(silent, answers))), str(sum(answer.warned for answer in answers)),
+        f"{100 * np.median(wide):.2f}", str(sum(map(silent, answers))), str(sum(answer.warned for answer in answers)), str(refused),
     ]  # fmt: skip
     return f"| {' | '.join(cells)} |"
 
 
 HEAD = (
     "", "size", "method", "bodies", "interval, %", "bound, %", "error/u, interval", "error/u, bound",
-    "half-width, interval, %", "half-width, bound, %", "silent", "warned",
+    "half-width, interval, %", "half-width, bound, %", "silent", "warned", "refused",
 )  # fmt: skip
 
 

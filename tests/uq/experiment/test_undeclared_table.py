@@ -64,6 +64,7 @@ def test_the_documentation_has_the_figures():
     rows = dict(
         re.findall(r'^\| `(\w+)` \| `"([^"]+)"` \|', (DOCS / "how-to" / "identify.md").read_text("utf-8"), flags=re.M)
     )
-    stated = UndeclaredTable().to_dict()
+    stated = {key: figure for key, figure in UndeclaredTable().to_dict().items() if figure is not None}
     assert set(stated) <= set(rows)
-    assert loaded(**{key: rows[key] for key in stated}).to_dict() == pytest.approx(stated)
+    read = loaded(**{key: rows[key] for key in stated}).to_dict()
+    assert {key: read[key] for key in stated} == pytest.approx(stated)

@@ -18,8 +18,6 @@ from uq.sources.draws import Mixing
 from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import Source, kind_of
 
-SENSORS = ("F", "M", "wrench", "omega", "accelerometer")
-"""Targets of the errors that a calibration writes: those of the load cell and of the IMU."""
 ALIGNED = {"delay": ("omega", "delay"), "rotation": ("omega", "misalignment")}
 """Target and kind of a source for each unknown that the alignment has."""
 
@@ -101,4 +99,4 @@ def _by_act(experiment: Experiment, declared: Collection[tuple[str, str]], absen
 def _is_rig(source: Source) -> bool:
     """Whether a source is an error of load cell or IMU that lasts from run to run."""
     error = declared_error(source)
-    return source.target in SENSORS and error is not None and error.scope == "rig"
+    return error is not None and error.scope == "rig" and error.part not in ("body", "rig")

@@ -186,8 +186,9 @@ def _uncontradicted(assumptions: Sequence[str], experiment: Experiment) -> list[
 
 def _on_undeclared(experiment: Experiment, centre: Centre | None) -> list[str]:
     complete = [COMPLETE] if experiment.undeclared == NONE else []
+    calibrated = [f"the rig is as it was in the {calibration.title}" for calibration in experiment.calibrations]
     old = [NO_BOUND] if centre is not None and centre.undeclared is None else []
-    return [*complete, *old, *([OLD_NAME] if "not_included" in experiment.document else [])]
+    return [*complete, *calibrated, *old, *([OLD_NAME] if "not_included" in experiment.document else [])]
 
 
 def _after(suspicious: list[str], result: Identification) -> list[str]:
