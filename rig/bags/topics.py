@@ -262,7 +262,7 @@ def type_of(channel: Channel, definitions: Definitions) -> str:
 
 
 def _decoded(
-    data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
+    data: bytes, offsets: NDArray[np.int64], channel: Channel, type_name: str, definitions: Definitions
 ) -> list[DecodedMessages]:
     if channel.message_encoding in ENCODINGS:
         return cdr.decode(data, offsets, type_name, channel.message_encoding)
