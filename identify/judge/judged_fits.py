@@ -31,10 +31,11 @@ Prior: wider than any rig.
 """
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
-MOST_PERIODS = 5_000
+MOST_PERIODS = 300
 """Periods of the motion's highest frequency behind which a run is no longer judged.
 
-Choice: half an hour of a motion up to 2.5 Hz; half a gigabyte of memory.
+Choice: three minutes of a motion up to 1.6 Hz. Price: an error that begins later, or that only a longer run resolves,
+is not named.
 """
 AXES_KEPT = 10.0
 """Seconds over which a gyro keeps axes, whatever its bias.
@@ -73,11 +74,20 @@ def fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, probl
     return candidates[0] if force_from != "none" or tells_mass else None
 
 
+def judged_part(run: Run, band: float) -> Run:
+    """Return the part of a run that is judged: the first :data:`MOST_PERIODS` that may be used.
+
+    Args:
+        run: the run.
+        band: highest frequency of the motion [Hz].
+    """
+    usable, count = np.flatnonzero(run.usable), int(MOST_PERIODS / band * run.rate)
+    return run if len(usable) <= count else run.between(run.t[0], run.t[usable[count - 1]])
+
+
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
-    """Return the run in its band, the first :data:`MOST_PERIODS` of it; None: it is too short."""
-    longest = MOST_PERIODS / problem.band
-    if run.t[-1] - run.t[0] > longest:
-        run = run.between(run.t[0], run.t[0] + longest)
+    """Return the judged part of a run in its band; None: it is too short."""
+    run = judged_part(run, problem.band)
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)

@@ -25,6 +25,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 from identify.display.rounding import significant
@@ -252,10 +253,10 @@ def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -
         rate: sample rate [Hz].
         above: lowest frequency to look at [Hz].
     """
-    n = len(signal)
-    window = np.hanning(n)
-    spectrum = np.abs(np.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)) ** 2
-    frequency = np.fft.rfftfreq(n, 1 / rate)
+    n = scipy.fft.prev_fast_len(len(signal), real=True)
+    signal, window = signal[:n], np.hanning(n)
+    lines = scipy.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)
+    spectrum, frequency = lines.real**2 + lines.imag**2, np.arange(n // 2 + 1) * rate / n
     width = max(len(frequency) // AROUND, 11) | 1
     level = _median_level(spectrum, width)
     usable = (frequency > max(above, 4 * rate / n)) & (frequency < 0.95 * rate / 2)
