@@ -147,7 +147,7 @@ def whitened(
     freedom[:inside] = eliminated.free
     every = RowsSideBySide(weighed, eliminated.rows, unweighted)
     scores = spectrum(remaining, freedom, lines.constants, power_gain).scores(every)
-    weighted_scores = fit.spectrum.scores(weighed)
+    weighted_scores = by_noise = fit.spectrum.scores(weighed)
     if offsets == "estimate":
         removed = Offsets(fitted_moment, fit.inverse[6:9, 6:9], record.means[FORCE])
     elif offsets == "still":
@@ -164,8 +164,8 @@ def whitened(
         run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
         excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
         correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
-        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread),
-        trace=trace(record.t, residuals, levelled.moment_in_time(r_cg), record.motion), weighed=weighed,
+        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread, by_noise),
+        trace=trace(record.t, residuals, record.moment(r_cg), record.motion), weighed=weighed,
     )  # fmt: skip
     extended = _equations_of(eliminated.rows, x[:inside], *sides)
     changes = residual_changes(unweighted, inertia, r_cg, errors)

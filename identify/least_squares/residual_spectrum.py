@@ -147,26 +147,36 @@ class Spectrum:
         terms = ((rows[part], self.at(part)) for part in blocks(len(rows)))
         return np.sum([np.tensordot(x, covariance @ x, axes=((0, 1), (0, 1))) for x, covariance in terms], axis=0)
 
-    def degrees_of_freedom(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> Float[np.ndarray, " k"]:
+    def degrees_of_freedom(
+        self, rows: LineRows, gain: Float[np.ndarray, "p k"], scores: Float[np.ndarray, "p p"]
+    ) -> Float[np.ndarray, " k"]:
         """Return the effective degrees of freedom of the variances of ``gainᵀ Σ rowsᵀ u`` over the first lines.
 
         Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
+
+        Args:
+            rows: of the lines.
+            gain: combinations of the sums.
+            scores: covariance of the sums, :meth:`scores`.
         """
-        inside = self._inside(rows, gain)
+        inside = self._inside(rows, gain, ((scores @ gain) * gain).sum(axis=0))
         first, last = self.windows(slice(0, inside))
         reach = int(last.max())
         begun, ended = (np.searchsorted(ends, np.arange(reach), "right") for ends in (first, last))
         return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in gain.T])
 
-    def _inside(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> int:
-        """Number of the first lines that hold all but a thousandth of each variance of ``gainᵀ Σ rowsᵀ u``."""
-
-        def variances(part: slice) -> Float[np.ndarray, "k m"]:
+    def _inside(self, rows: LineRows, gain: Float[np.ndarray, "p k"], totals: Float[np.ndarray, " k"]) -> int:
+        """Number of the first lines that hold all but a thousandth of each variance, whose totals are given."""
+        before, inside = np.zeros(len(totals)), 1
+        for part in blocks(len(rows)):
             combinations = rows[part] @ gain
-            return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
-
-        totals = map(np.cumsum, np.concatenate([variances(part) for part in blocks(len(rows))], axis=1))
-        return max([1, *(int(np.searchsorted(total, 0.999 * total[-1])) for total in totals if total[-1] > 0)])
+            variances = np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
+            sums = before[:, None] + np.cumsum(variances, axis=1)
+            reached = (sums < 0.999 * totals[:, None]).sum(axis=1)
+            inside, before = max(inside, part.start + int(reached.max())), sums[:, -1]
+            if (before >= 0.999 * totals).all():
+                break
+        return inside
 
     def _freedom_of(
         self, rows: LineRows, column: np.ndarray, inside: int, begun: np.ndarray, ended: np.ndarray
@@ -280,6 +290,8 @@ SEGMENTS = 8
 """Segments over which a spectrum is averaged, at least."""
 LONGEST = 4096
 """Most samples in a segment of a spectrum."""
+DRAWN = 2**18
+"""Most samples that a spectrum is from: 64 segments are smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,25 +319,26 @@ class Trace:
 def trace(
     t: Float[np.ndarray, " n"],
     residuals: Float[np.ndarray, "n 3"],
-    moment: Float[np.ndarray, "n 3"],
+    moment: Float[np.ndarray, "w 3"],
     motion: Float[np.ndarray, "p 6"],
 ) -> Trace:
     """Thin a run's fit for drawing.
 
-    The spectra (Welch) are those of the longest segment without a gap, averaged over bands of equal ratio.
+    The spectra (Welch) are those of the first samples of the longest segment without a gap, averaged over bands of
+    equal ratio.
 
     Args:
         t: instants of the rows [s], with gaps where samples were left out.
         residuals: measured less fitted moment about the centre of gravity [N·m].
-        moment: the measured moment about the centre of gravity, less the offset that was removed [N·m].
+        moment: the measured moment about the centre of gravity at these first samples [N·m].
         motion: angular velocity [rad/s] and acceleration [rad/s²], :func:`thinned`.
     """
     edges = _edges(len(t), BINS)
     low, high = (reach.reduceat(residuals, edges, axis=0) for reach in (np.minimum, np.maximum))
     step = float(np.median(np.diff(t)))
     segment = _longest(t, step)
-    frequency, densities = _density(residuals[segment], 1 / step)
-    _, moment_densities = _density(moment[segment], 1 / step)
+    frequency, densities = _density(residuals[segment][: len(moment)], 1 / step)
+    _, moment_densities = _density(moment, 1 / step)
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
     moment_density = np.sqrt(np.mean(moment_densities**2, axis=1))
     return Trace(

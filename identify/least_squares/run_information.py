@@ -19,7 +19,7 @@ from identify.least_squares.run_lines import ACTING, FORCE, MOMENT, MOTION, RunL
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.power_spectrum import correlation_time, welch
+from identify.signals.power_spectrum import correlation_time
 from identify.signals.run import Run
 
 Matrix = Float[Array, "6 6"] | Float[np.ndarray, "6 6"]
@@ -147,7 +147,7 @@ def information_of_lines(
     inertia = spread @ right
     residuals = used.residuals(inertia, r_cg)
     errors = _spectrum_of(residuals, used, spread, estimator, offsets)
-    scores = errors.scores(used)
+    scores = by_noise = errors.scores(used)
     noise = count * noise_in_normal(alpha_noise(run, estimator))
     removed = None
     if offsets == "estimate":  # what the rows' means leave, so that it takes the tensor's covariance along
@@ -164,8 +164,8 @@ def information_of_lines(
         run=run, normal=normal, right=right, right_by_centre=by_centre, noise=noise, inertia=inertia, scores=scores,
         excitation=excitation(normal, noise), offsets=removed, residual=in_time.std(axis=0),
         correlation_time=correlation_time(in_time), rows=count, gain_error=gain_error(run, estimator),
-        degrees_of_freedom=errors.degrees_of_freedom(used, spread),
-        trace=trace(lines.t, in_time, used.moment_in_time(r_cg), lines.motion),
+        degrees_of_freedom=errors.degrees_of_freedom(used, spread, by_noise),
+        trace=trace(lines.t, in_time, lines.moment(r_cg), lines.motion),
     )  # fmt: skip
 
 
@@ -213,8 +213,7 @@ def noise_in_normal(sigma: np.ndarray) -> np.ndarray:
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """Return the tensor's relative error by the differentiator's gain: 1/gain - 1, weighed by the spectrum of alpha."""
-    omega = run.omega[run.longest_segment]
-    frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
+    frequency, power = run.motion_spectrum
     power, frequency = power[frequency <= run.band], frequency[frequency <= run.band]
     weight = power.sum(axis=1) * frequency**2 * estimator.passed(run.rate, frequency) ** 2
     total = estimator.gain(run.rate, frequency)

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.least_squares.residual_spectrum import Lines, blocks, thinned
+from identify.least_squares.residual_spectrum import DRAWN, Lines, blocks, thinned
 from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES, ArrayT, features
 from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
@@ -141,6 +141,8 @@ class RunLines:
     """Angular velocity behind the filter [rad/s]."""
     motion: Float[np.ndarray, "p 6"]
     """Angular velocity [rad/s] and acceleration [rad/s²], thinned for figures."""
+    wrench: Float[np.ndarray, "w 6"]
+    """Force [N] and moment [N·m] at the first :data:`DRAWN` instants of the longest segment, for figures."""
     removed: Float[np.ndarray, "15"]
     """Constants that are taken off the signals."""
 
@@ -179,9 +181,9 @@ class RunLines:
         """Return all lines of ``M - r × F - Omega_R i`` of a packed tensor [N·m]."""
         return np.concatenate([self.about_cg(r_cg, part) - self[part] @ inertia for part in self.parts()])
 
-    def moment_in_time(self, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
-        """Return ``M - r × F`` at each instant [N·m]."""
-        return self.lines.samples(np.concatenate([self.about_cg(r_cg, part) for part in self.parts()]))
+    def moment(self, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "w 3"]:
+        """Return ``M - r × F`` at the first instants of the longest segment [N·m]."""
+        return self.wrench[:, 3:] - np.cross(r_cg, self.wrench[:, :3])
 
     @property
     def mean_regressor(self) -> Float[np.ndarray, "3 6"]:
@@ -201,9 +203,12 @@ def run_lines(run: Run, estimator: EstimatorSpec) -> RunLines:
     transformed = np.empty((len(signals), rows.phi.shape[1]))
     for line, signal in zip(transformed, signals, strict=True):
         line[:] = lines.transform(signal)
+    longest = max(rows.segments, key=lambda segment: segment.stop - segment.start)
+    drawn = slice(longest.start, min(longest.stop, longest.start + DRAWN))
     omega = run.omega[rows.instants] if estimator.lowpass is None else rows.phi[OMEGA].T.copy()
     return RunLines(
         run=run, lines=lines, signals=transformed, means=np.array([signal.mean() for signal in signals]),
         t=run.t[rows.instants], omega=omega,
-        motion=np.hstack([thinned(rows.phi[part].T) for part in (OMEGA, ALPHA)]), removed=np.zeros(len(signals)),
+        motion=np.hstack([thinned(rows.phi[part].T) for part in (OMEGA, ALPHA)]),
+        wrench=np.concatenate([rows.force[:, drawn], rows.moment[:, drawn]]).T.copy(), removed=np.zeros(len(signals)),
     )  # fmt: skip

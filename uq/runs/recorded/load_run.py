@@ -227,7 +227,7 @@ def finite_samples(channel: AnyChannel) -> AnyChannel:
     keep, joints = np.ones(len(channel.stamp), bool), bool(getattr(channel, "names", ()))
     for name in ("force", "moment", *NOT_MEASURED):
         values = None if name == "position" and joints else getattr(channel, name, None)
-        finite = True if values is None else np.isfinite(values).all(axis=1)
+        finite = True if values is None or np.isfinite(values).all() else np.isfinite(values).all(axis=1)
         if values is not None and name in NOT_MEASURED and np.mean(finite) < 0.5:
             channel = replace(channel, **{name: np.zeros_like(values)})
         else:
@@ -260,6 +260,7 @@ class _Channels:
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
         )
+        usable = [slice(None) if keep.all() else keep for keep in usable]  # nothing is copied
         self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
         turning = None if turning is None else turning[usable[0]]
         self.wrench = np.hstack(rig.wrench(unfiltered(wrench.taken(usable[0]), self.t_wrench, rig), turning))
