@@ -13,6 +13,7 @@ from identify.exceptions import RunError
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
+from identify.judge.judged_part import judged_part
 from identify.judge.run_fit import RunFit, fit_run
 from identify.results.identification_result import Identification
 from identify.rigid_body.rotation import cumulative_product, exponentials
@@ -31,12 +32,6 @@ Prior: wider than any rig.
 """
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
-MOST_PERIODS = 300
-"""Periods of the motion's highest frequency behind which a run is no longer judged.
-
-Choice: three minutes of a motion up to 1.6 Hz. Price: an error that begins later, or that only a longer run resolves,
-is not named.
-"""
 AXES_KEPT = 10.0
 """Seconds over which a gyro keeps axes, whatever its bias.
 
@@ -72,17 +67,6 @@ def fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, probl
         return None
     tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
     return candidates[0] if force_from != "none" or tells_mass else None
-
-
-def judged_part(run: Run, band: float) -> Run:
-    """Return the part of a run that is judged: the first :data:`MOST_PERIODS` that may be used.
-
-    Args:
-        run: the run.
-        band: highest frequency of the motion [Hz].
-    """
-    usable, count = np.flatnonzero(run.usable), int(MOST_PERIODS / band * run.rate)
-    return run if len(usable) <= count else run.between(run.t[0], run.t[usable[count - 1]])
 
 
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:

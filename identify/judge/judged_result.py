@@ -25,7 +25,8 @@ from identify.judge.causes import FollowedCause, Judgement, followed
 from identify.judge.evidence import Base
 from identify.judge.findings import MATTERS
 from identify.judge.held_errors import by_held_errors
-from identify.judge.judged_fits import falls, fit_of_estimator, fits_of, judged_part
+from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
+from identify.judge.judged_part import judged_part
 from identify.judge.rivals import JudgedWay, effect, rivals_text
 from identify.judge.run_findings.least_squares import DIFFERENT, least_squares_cause, least_squares_difference
 from identify.judge.run_findings.resonance import lines_of, resonance

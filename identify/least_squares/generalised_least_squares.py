@@ -26,7 +26,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.least_squares.declared_effects import DeclaredError, residual_changes
 from identify.least_squares.offsets import Offsets, rested, resting
-from identify.least_squares.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum, trace
+from identify.least_squares.residual_spectrum import BLOCK, Lines, Spectrum, reach, spectrum, trace
 from identify.least_squares.row_products import products
 from identify.least_squares.run_information import (
     Information,
@@ -132,7 +132,7 @@ def whitened(
     columns = np.concatenate([x, free, _by_centre(of_motion) * sigma_r_cg], axis=2)
     prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
     fit = fitted(columns, y, inside, lines.constants, power_gain[near], prior)
-    inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency)[:inside]
+    inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency, inside)
     sides, sigma_alpha = (y[:inside], lever[:inside]), alpha_noise(run, estimator)
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
@@ -304,11 +304,10 @@ def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:
     return int((reached & (power_gain >= HALF**2)).sum())
 
 
-def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:
-    """Spectrum of the noise in the rows' alpha, its mean 1."""
-    # the responses at a block of lines are a matrix of lines by taps
-    slope = np.concatenate([_slope(run, estimator, frequency[part]) for part in blocks(len(frequency))])
-    return slope**2 / np.mean(slope**2)
+def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray, inside: int) -> np.ndarray:
+    """Spectrum of the noise in the rows' alpha on the first lines, its mean over all of them 1."""
+    among = frequency[:: max(len(frequency) // BLOCK, 1)]  # the response is smooth
+    return _slope(run, estimator, frequency[:inside]) ** 2 / np.mean(_slope(run, estimator, among) ** 2)
 
 
 def _slope(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:

@@ -178,7 +178,11 @@ def sums_of_signals(
 
 def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndarray, "18 n"]:
     """Return rows on the first lines of the cosine transform at each instant, one after the other to bound memory."""
-    return np.stack([lines.samples(column) for column in weighed.reshape(len(weighed), -1).T])
+    columns = weighed.reshape(len(weighed), -1).T
+    rows = np.empty((len(columns), len(lines.order)))
+    for row, column in zip(rows, columns, strict=True):
+        row[:] = lines.samples(column)
+    return rows
 
 
 def measured(sums: RunSums, errors: Errors, wrench_map: Float[Array, "6 functions"]) -> Sums:

@@ -55,7 +55,8 @@ class DeclaredConventions:
                 None: its axes turn with the body.
         """
         to_body = scipy.linalg.block_diag(*(self.scales[name] * self.wrench_rotation for name in ("force", "moment")))
-        wrench = np.hstack([channel.force, channel.moment]) @ (self.sign * to_body @ self.calibration).T
+        measured = np.concatenate([channel.force.T, channel.moment.T])
+        wrench = (self.sign * to_body @ self.calibration @ measured).T
         force, moment = wrench[:, :3], wrench[:, 3:]
         if attitude is not None:
             force, moment = (np.einsum("nji,nj->ni", attitude, values) for values in (force, moment))
@@ -63,8 +64,8 @@ class DeclaredConventions:
 
     def motion(self, channel: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
         """Return angular velocity and specific force in B."""
-        rate, acceleration = (self.scales[name] * self.imu_rotation.T for name in ("angular_velocity", "acceleration"))
-        return channel.angular_velocity @ rate, channel.linear_acceleration @ acceleration
+        rate, acceleration = (self.scales[name] * self.imu_rotation for name in ("angular_velocity", "acceleration"))
+        return (rate @ channel.angular_velocity.T).T, (acceleration @ channel.linear_acceleration.T).T
 
 
 def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConventions:

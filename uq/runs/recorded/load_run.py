@@ -250,10 +250,14 @@ class _Channels:
     ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
-        raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
+        # the components of each signal lie together: all that follows looks at one after the other
+        raw = tuple(
+            np.concatenate([part.T for part in parts]).T
+            for parts in ((wrench.force, wrench.moment), (imu.angular_velocity, imu.linear_acceleration))
+        )
         for signal, values in zip(("wrench", "motion"), raw, strict=True):
             refuse_excess(signal, values, bag.path.name)
-        if (raw[0] == raw[0][0]).all():
+        if all((column == column[0]).all() for column in raw[0].T):
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
         self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
