@@ -396,5 +396,35 @@ def batches(
             yield batch
 
 
+def joined(chunks: Iterable[Batch], size: int) -> Iterator[Batch]:
+    """Yield the messages of several chunks together, as long as they have no more bytes than ``size``.
+
+    Definitions are left out: who reads the chunks has them.
+    """
+    waiting, count = list[Batch](), 0
+    for chunk in chunks:
+        if waiting and count + len(chunk.data) > size:
+            yield _one(waiting)
+            waiting, count = [], 0
+        waiting.append(chunk)
+        count += len(chunk.data)
+    if waiting:
+        yield _one(waiting)
+
+
+def _one(chunks: list[Batch]) -> Batch:
+    if len(chunks) == 1:
+        return chunks[0]
+    starts = np.cumsum([0, *(len(chunk.data) for chunk in chunks)]).tolist()
+    offsets = defaultdict[int, list[NDArray[np.int64]]](list)
+    for start, chunk in zip(starts, chunks, strict=False):
+        for channel, places in chunk.offsets.items():
+            offsets[channel].append(start + places)
+    return Batch(
+        b"".join(chunk.data for chunk in chunks),
+        {channel: np.concatenate(places) for channel, places in offsets.items()}, [], [],
+    )  # fmt: skip
+
+
 def _framed(record: Record) -> bytes:
     return RECORD_HEADER.pack(record.opcode, len(record.body)) + record.body
