@@ -11,7 +11,6 @@ as if there were none. For figures, residuals and motion are kept thinned (:clas
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -93,8 +92,8 @@ def blocks(count: int) -> Iterator[slice]:
 class Spectrum:
     """Covariance of the errors across the axes at each line, an average over a window of lines."""
 
-    products: Float[np.ndarray, "pairs edges"]
-    """Sums of the residuals' products of two axes over the lines before each, the spectrum's shape divided out."""
+    residuals: Float[np.ndarray, "m rows"]
+    """Residuals, the spectrum's shape divided out."""
     shape: Float[np.ndarray, "m rows"]
     """Root of the spectrum's shape on each axis: a filter's gain, and a power of the frequency."""
     constants: int
@@ -112,15 +111,9 @@ class Spectrum:
         half = _half_window(position, self.wider)
         return np.clip(position - half, begin, m - 1), np.clip(position + half + 1, begin + 1, m)
 
-    @cached_property
-    def _free_before(self) -> Float[np.ndarray, "edges rows"]:
-        """Degrees of freedom of the lines before each."""
-        return np.cumsum(np.concatenate([np.zeros_like(self.free[:1]), self.free]), axis=0)
-
     def freedom(self, lines: slice) -> Float[np.ndarray, "k rows"]:
         """Return the degrees of freedom in the windows of some lines; 1 or more."""
-        first, last = self.windows(lines)
-        return np.maximum(self._free_before[last] - self._free_before[first], 1.0)
+        return np.maximum(np.stack([_sums(free, *self.windows(lines)) for free in self.free.T], axis=1), 1.0)
 
     def at(self, lines: slice) -> Float[np.ndarray, "k rows rows"]:
         """Return the covariance ``S`` across the axes at some lines [(N·m)²]; white noise of covariance C has S = C."""
@@ -129,10 +122,11 @@ class Spectrum:
         root = np.sqrt(self.freedom(lines))
         values = np.empty((len(first), size, size))
         start, constants = lines.indices(len(self.shape))[0], min(self.constants, len(self.shape) - 1)
-        apart = slice(0, max(constants - start, 0))
-        for before, (a, b) in zip(self.products, _pairs(size), strict=True):
-            value = (before[last] - before[first]) / (root[:, a] * root[:, b])
-            value[apart] += np.diff(before[start : start + len(value) + 1])[apart]
+        apart, reached = max(constants - start, 0), slice(int(first.min()), int(last.max()))
+        for a, b in _pairs(size):
+            products = self.residuals[reached, a] * self.residuals[reached, b]
+            value = _sums(products, first - reached.start, last - reached.start) / (root[:, a] * root[:, b])
+            value[:apart] += np.prod(self.residuals[start : start + apart, [a, b]], axis=1)[: len(value)]
             values[:, a, b] = values[:, b, a] = value
         floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(size)
         return (values + floor) * self.shape[lines, :, None] * self.shape[lines, None, :]
@@ -239,10 +233,17 @@ def spectrum(
     passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), len(residuals))
     colour = _colour(residuals[constants:], free[constants:], passed[constants:])
     shape = np.sqrt(passed[:, None] * np.concatenate([np.ones((constants, residuals.shape[1])), colour]))
-    products = np.zeros((len(_pairs(residuals.shape[1])), len(residuals) + 1))
-    for before, (a, b) in zip(products, _pairs(residuals.shape[1]), strict=True):
-        np.cumsum(residuals[:, a] * residuals[:, b] / (shape[:, a] * shape[:, b]), out=before[1:])
-    return Spectrum(products=products, shape=shape, constants=constants, free=free, wider=wider)
+    return Spectrum(residuals=residuals / shape, shape=shape, constants=constants, free=free, wider=wider)
+
+
+def _sums(
+    values: Float[np.ndarray, " m"], first: Int[np.ndarray, " k"], last: Int[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Return the sums of values from each of some places to the one before another."""
+    start, stop = int(first.min()), int(last.max())
+    before = np.zeros(stop - start + 1)
+    np.cumsum(values[start:stop], out=before[1:])
+    return before[last - start] - before[first - start]
 
 
 def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m rows"]:

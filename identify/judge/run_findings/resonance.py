@@ -30,11 +30,10 @@ from jaxtyping import Float
 
 from identify.display.rounding import significant
 from identify.judge.findings import Finding
-from identify.least_squares.run_lines import rows_of
+from identify.least_squares.run_lines import FORCE, MOMENT, MOTION, OMEGA_R_OF_ACTING, rows_of
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
 
@@ -241,8 +240,8 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
 def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:
     """Residual moment about the centre of gravity, without the estimator's low-pass [N·m]."""
     rows = rows_of(run, replace(result.estimator, lowpass=None))
-    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
-    return moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
+    moment = rows.signals[MOMENT].T - np.cross(result.r_cg, rows.signals[FORCE].T)
+    return moment - rows.signals[MOTION].T @ (OMEGA_R_OF_ACTING @ result.inertia)
 
 
 def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:
