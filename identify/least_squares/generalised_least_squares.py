@@ -26,7 +26,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.least_squares.declared_effects import DeclaredError, residual_changes
 from identify.least_squares.offsets import Offsets, rested, resting
-from identify.least_squares.residual_spectrum import BLOCK, Lines, Spectrum, reach, spectrum, trace
+from identify.least_squares.residual_spectrum import BLOCK, Lines, Spectrum, reach, spectrum
 from identify.least_squares.row_products import products
 from identify.least_squares.run_information import (
     Information,
@@ -34,6 +34,7 @@ from identify.least_squares.run_information import (
     excitation,
     gain_error,
     information_of_lines,
+    residuals_in_time,
     without_offsets,
 )
 from identify.least_squares.run_lines import FORCE, MOTION, RunLines, run_lines
@@ -42,7 +43,7 @@ from identify.rigid_body.pseudo_inertia import UNITS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.rigid_body.rotation import CROSS
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.power_spectrum import correlation_time, without_line
+from identify.signals.power_spectrum import without_line
 from identify.signals.run import Run
 
 ROUNDS = 4
@@ -159,13 +160,12 @@ def whitened(
         removed = None
     noise = _noise(sigma_alpha, fit.weights, shape)
     spread = np.linalg.pinv(weighted.normal, hermitian=True)
-    residuals = lines.samples(levelled.residuals(inertia, r_cg))
     estimate = Information(
         run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
-        excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
-        correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
+        excitation=excitation(weighted.normal, noise), offsets=removed, rows=len(record),
+        gain_error=gain_error(run, estimator), weighed=weighed,
         degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread, by_noise),
-        trace=trace(record.t, residuals, record.moment(r_cg), record.motion), weighed=weighed,
+        **residuals_in_time(levelled.residuals(inertia, r_cg), record, r_cg),
     )  # fmt: skip
     extended = _equations_of(eliminated.rows, x[:inside], *sides)
     changes = residual_changes(unweighted, inertia, r_cg, errors)

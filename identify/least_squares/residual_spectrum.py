@@ -231,8 +231,10 @@ def spectrum(
         wider: by how much to widen the windows.
     """
     passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), len(residuals))
-    colour = _colour(residuals[constants:], free[constants:], passed[constants:])
-    shape = np.sqrt(passed[:, None] * np.concatenate([np.ones((constants, residuals.shape[1])), colour]))
+    shape = np.ones(residuals.shape)
+    shape[constants:] = _colour(residuals[constants:], free[constants:], passed[constants:])
+    shape *= passed[:, None]
+    np.sqrt(shape, out=shape)
     return Spectrum(residuals=residuals / shape, shape=shape, constants=constants, free=free, wider=wider)
 
 
@@ -253,7 +255,10 @@ def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndar
         weighed = (block.reshape(-1, block.shape[2]) @ inverse).reshape(block.shape)
         return np.clip(np.einsum("map,map->ma", weighed, block), 0, 1)
 
-    return np.concatenate([taken(rows[part]) for part in blocks(len(rows))])
+    every = np.empty((len(rows), rows[:1].shape[1]))
+    for part in blocks(len(rows)):
+        every[part] = taken(rows[part])
+    return every
 
 
 def _colour(

@@ -197,7 +197,10 @@ class RunLines:
 
     def residuals(self, inertia: Float[np.ndarray, "6"], r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
         """Return all lines of ``M - r × F - Omega_R i`` of a packed tensor [N·m]."""
-        return np.concatenate([self.about_cg(r_cg, part) - self[part] @ inertia for part in self.parts()])
+        every = np.empty((len(self), 3))
+        for part in self.parts():
+            every[part] = self.about_cg(r_cg, part) - self[part] @ inertia
+        return every
 
     def moment(self, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "w 3"]:
         """Return ``M - r × F`` at the first instants of the longest segment [N·m]."""

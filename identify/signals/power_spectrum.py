@@ -89,10 +89,11 @@ def occupied_band(signal: np.ndarray, rate: float) -> float:
 
 def noise_level(*segments: np.ndarray) -> np.ndarray:
     """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
-    differences = [np.diff(omega, 4, axis=0) for omega in segments if len(omega) >= 6]
-    if not differences:
+    long = [segment for segment in segments if len(segment) >= 6]
+    if not long:
         return np.zeros(3)
-    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)
+    squares = [[np.square(np.diff(axis, 4)).sum() for axis in segment.T] for segment in long]
+    return np.sqrt(np.sum(squares, axis=0) / sum(len(segment) - 4 for segment in long) / 70)
 
 
 def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
