@@ -1,7 +1,8 @@
 """Time and memory of ``identify`` on an hour at 1 kHz: ``python -m benchmarks.long_run [SECONDS]``; needs GNU time.
 
-``--many N`` identifies N runs of 30 s instead, beside a plain script: messages by mcap-ros2-support, alpha by
-``numpy.gradient``, the tensor by ``numpy.linalg.lstsq``, nothing said of its uncertainty.
+``--lengths FIGURE`` identifies runs of 10 s to 3 hours at 1 kHz, and draws the time against the length. ``--many N``
+identifies N runs of 30 s instead, beside a plain script: messages by mcap-ros2-support, alpha by ``numpy.gradient``,
+the tensor by ``numpy.linalg.lstsq``, nothing said of its uncertainty.
 """
 
 import argparse
@@ -10,7 +11,11 @@ import sys
 import tempfile
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 HERE = Path(__file__).parents[1]
+METHODS = ("source", "gls", "joint")
+LENGTHS = (10, 30, 100, 300, 1000, 3600, 10_800)
 GNU_TIME = ["/usr/bin/time", "--format", "%U %M"]
 COMMAND = "from uq.cli.main import main; raise SystemExit(main())"
 SIMPLE = """
@@ -52,11 +57,48 @@ def lasting(folder: Path, seconds: float, rate: int) -> Path:
     return path
 
 
-def measured(name: str, *command: str) -> None:
-    """Run a command of Python and print its processor time and its peak memory."""
+def measured(*command: str) -> tuple[float, float]:
+    """Run a command of Python; return its processor time [s] and its peak memory [GiB]."""
     done = subprocess.run([*GNU_TIME, sys.executable, "-c", *command], capture_output=True, text=True, check=True)
     user, kibibytes = done.stderr.split()[-2:]
-    print(f"{name}: {float(user):.1f} s of user time, peak {float(kibibytes) / 2**20:.2f} GiB", flush=True)
+    return float(user), float(kibibytes) / 2**20
+
+
+def shown(name: str, *command: str) -> None:
+    """Run a command of Python and print its processor time and its peak memory."""
+    user, peak = measured(*command)
+    print(f"{name}: {user:.1f} s of user time, peak {peak:.2f} GiB", flush=True)
+
+
+def simulated(folder: Path, seconds: float, rate: int, count: int) -> tuple[str, list[str]]:
+    """Write an experiment and so many simulated runs of it, and return their paths."""
+    experiment = str(lasting(folder, seconds, rate))
+    runs = [str(folder / f"run{trial}.mcap") for trial in range(count)]
+    for trial, run in enumerate(runs):
+        Path(run).unlink(missing_ok=True)
+        simulate = ["simulate", experiment, "-o", run, "--trial", str(trial)]
+        subprocess.run([sys.executable, "-c", COMMAND, *simulate], capture_output=True, check=True)
+    return experiment, runs
+
+
+def against_length(folder: Path, figure: str) -> None:
+    """Print processor time and memory of runs of several lengths at 1 kHz, and draw the time; SVG, PDF or PNG."""
+    rows = []
+    for seconds in LENGTHS:
+        experiment, runs = simulated(folder, seconds, 1000, 1)
+        rows.append([measured(COMMAND, "identify", *runs, "--experiment", experiment, "--method", method)
+                     for method in METHODS])  # fmt: skip
+        cells = "; ".join(
+            f"{name} {user:.1f} s, {peak:.2f} GiB" for name, (user, peak) in zip(METHODS, rows[-1], strict=True)
+        )
+        print(f"{seconds:g} s: {cells}", flush=True)
+    axes = Figure(figsize=(5, 3.5), layout="constrained").add_subplot(
+        xlabel="length of the run [s]", ylabel="user time [s]", xscale="log", yscale="log"
+    )
+    for k, name in enumerate(METHODS):
+        axes.plot(LENGTHS, [row[k][0] for row in rows], "o-", label=name)
+    axes.legend()
+    axes.figure.savefig(figure)
 
 
 def main() -> None:
@@ -64,19 +106,20 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("seconds", nargs="?", type=float, default=3600.0, help="how long the run is")
     arguments.add_argument("--many", type=int, default=0, metavar="N", help="N runs of 30 s at 400 Hz instead")
+    arguments.add_argument("--lengths", metavar="FIGURE", help="runs of 10 s to 3 hours instead, and the figure's file")
     options = arguments.parse_args()
     with tempfile.TemporaryDirectory() as name:
+        if options.lengths:
+            against_length(Path(name), options.lengths)
+            return
         seconds, rate = (30.0, 400) if options.many else (options.seconds, 1000)
-        experiment = str(lasting(Path(name), seconds, rate))
-        runs = [str(Path(name) / f"run{trial}.mcap") for trial in range(max(options.many, 1))]
-        for trial, run in enumerate(runs):
-            simulate = ["simulate", experiment, "-o", run, "--trial", str(trial)]
-            subprocess.run([sys.executable, "-c", COMMAND, *simulate], capture_output=True, check=True)
-        for method in ("source", "gls", "joint"):
-            measured(f"identify --method {method}", COMMAND, "identify", *runs, "--experiment", experiment,
-                     "--method", method)  # fmt: skip
+        experiment, runs = simulated(Path(name), seconds, rate, max(options.many, 1))
+        shown("import jax", "import jax")
+        for method in METHODS:
+            shown(f"identify --method {method}", COMMAND, "identify", *runs, "--experiment", experiment,
+                 "--method", method)  # fmt: skip
         if options.many:
-            measured("plain script", SIMPLE, "0 0 0.053", *runs)
+            shown("plain script", SIMPLE, "0 0 0.053", *runs)
 
 
 if __name__ == "__main__":

@@ -173,7 +173,7 @@ def _checked(
     for number, run in enumerate(runs):
         if any(run is other or _same(run, other) for other in runs[:number]):
             raise RunError(f"{run.name} is given twice: give each run once, or its interval is too narrow")
-        if np.ptp(run.omega, axis=0).max() <= RESTS * np.abs(run.omega).max():
+        if max(map(np.ptp, run.omega.T)) <= RESTS * max(np.abs(column).max() for column in run.omega.T):
             raise RunError(f"the angular velocity in {run.name} never changes: record a body that turns to and fro")
         if run.rate < SLOWEST:
             raise RunError(f"{run.name} has {run.rate:.3g} samples a second: give its times in seconds")

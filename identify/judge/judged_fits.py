@@ -13,6 +13,7 @@ from identify.exceptions import RunError
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
+from identify.judge.judged_part import judged_part
 from identify.judge.run_fit import RunFit, fit_run
 from identify.results.identification_result import Identification
 from identify.rigid_body.rotation import cumulative_product, exponentials
@@ -31,11 +32,6 @@ Prior: wider than any rig.
 """
 FORCE_ALONE = ("mass", "force_offset")
 """Unknowns that only the force tells."""
-MOST_PERIODS = 5_000
-"""Periods of the motion's highest frequency behind which a run is no longer judged.
-
-Choice: half an hour of a motion up to 2.5 Hz; half a gigabyte of memory.
-"""
 AXES_KEPT = 10.0
 """Seconds over which a gyro keeps axes, whatever its bias.
 
@@ -74,10 +70,8 @@ def fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, probl
 
 
 def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
-    """Return the run in its band, the first :data:`MOST_PERIODS` of it; None: it is too short."""
-    longest = MOST_PERIODS / problem.band
-    if run.t[-1] - run.t[0] > longest:
-        run = run.between(run.t[0], run.t[0] + longest)
+    """Return the judged part of a run in its band; None: it is too short."""
+    run = judged_part(run, problem.band)
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)

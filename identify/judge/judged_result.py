@@ -4,7 +4,7 @@ In free flight nothing tells the attitude, and no cause can be judged.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from identify.judge.evidence import Base
 from identify.judge.findings import MATTERS
 from identify.judge.held_errors import by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
+from identify.judge.judged_part import judged_part
 from identify.judge.rivals import JudgedWay, effect, rivals_text
 from identify.judge.run_findings.least_squares import DIFFERENT, least_squares_cause, least_squares_difference
 from identify.judge.run_findings.resonance import lines_of, resonance
@@ -80,12 +81,14 @@ def judged(result: Identification, problem: Problem) -> Judged:
     if result.seen is not None:
         return Judged(declarations=held_errors.farthest(result.declarations), warnings=result.warnings)
     declarations, explained = list(result.declarations), list[str]()
+    signals = _by_signals(problem)  # a sensor's range may end anywhere
+    problem = replace(problem, runs=tuple(judged_part(run, problem.band) for run in problem.runs))
     fits = [fits_of(run, result, problem) for run in problem.runs]
     joined = examined(fits, result, problem)
     if joined is None:
-        contributions, errors = merged(_by_signals(problem), len(fits)), list[FollowedCause]()
+        contributions, errors = merged(signals, len(fits)), list[FollowedCause]()
     else:
-        contributions, errors = joined.contributions(), joined.errors_of_force
+        contributions, errors = joined.contributions(signals), joined.errors_of_force
     causes = tuple(contribution.finding for contribution in contributions)
     candidates = [fit_of_estimator(*pair, result, problem) for pair in zip(problem.runs, fits, strict=True)]
     estimator_fits = [fit for fit in candidates if fit]
@@ -193,9 +196,8 @@ class JudgedRuns:
         blamed = {*self.exact, WEIGHT}
         return [causes[0] for finding, causes in self.named.items() if finding in blamed and not causes[0].rivals]
 
-    def contributions(self) -> list[Contribution]:
-        """Return all findings, the most important first."""
-        signals = _by_signals(self.problem)
+    def contributions(self, signals: Sequence[Contribution]) -> list[Contribution]:
+        """Return all findings, the most important first, with those of the runs' signals alone."""
         causes = [part for finding, causes in self.named.items() for part in self._of_cause(finding, causes)]
         silent = {part.finding.run for part in signals}
         of_runs = [part for k in range(len(self.runs)) for part in self._of_run(k, silent)]

@@ -26,7 +26,7 @@ from jaxtyping import Float
 from identify.choices import OffsetChoice
 from identify.least_squares.declared_effects import DeclaredError, residual_changes
 from identify.least_squares.offsets import Offsets, rested, resting
-from identify.least_squares.residual_spectrum import Lines, Spectrum, blocks, reach, spectrum, trace
+from identify.least_squares.residual_spectrum import BLOCK, Lines, Spectrum, reach, spectrum
 from identify.least_squares.row_products import products
 from identify.least_squares.run_information import (
     Information,
@@ -34,6 +34,7 @@ from identify.least_squares.run_information import (
     excitation,
     gain_error,
     information_of_lines,
+    residuals_in_time,
     without_offsets,
 )
 from identify.least_squares.run_lines import FORCE, MOTION, RunLines, run_lines
@@ -42,7 +43,7 @@ from identify.rigid_body.pseudo_inertia import UNITS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.rigid_body.rotation import CROSS
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.power_spectrum import correlation_time, without_line
+from identify.signals.power_spectrum import without_line
 from identify.signals.run import Run
 
 ROUNDS = 4
@@ -132,7 +133,7 @@ def whitened(
     columns = np.concatenate([x, free, _by_centre(of_motion) * sigma_r_cg], axis=2)
     prior = np.append(np.zeros(6 + free.shape[2]), np.ones(3))
     fit = fitted(columns, y, inside, lines.constants, power_gain[near], prior)
-    inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency)[:inside]
+    inertia, shape = fit.value[:6], _shape(run, estimator, lines.frequency, inside)
     sides, sigma_alpha = (y[:inside], lever[:inside]), alpha_noise(run, estimator)
     weighed = _reduced(columns[:inside], fit)
     weighted = _equations_of(weighed, x[:inside], *sides)
@@ -147,7 +148,7 @@ def whitened(
     freedom[:inside] = eliminated.free
     every = RowsSideBySide(weighed, eliminated.rows, unweighted)
     scores = spectrum(remaining, freedom, lines.constants, power_gain).scores(every)
-    weighted_scores = fit.spectrum.scores(weighed)
+    weighted_scores = by_noise = fit.spectrum.scores(weighed)
     if offsets == "estimate":
         removed = Offsets(fitted_moment, fit.inverse[6:9, 6:9], record.means[FORCE])
     elif offsets == "still":
@@ -159,13 +160,12 @@ def whitened(
         removed = None
     noise = _noise(sigma_alpha, fit.weights, shape)
     spread = np.linalg.pinv(weighted.normal, hermitian=True)
-    residuals = lines.samples(levelled.residuals(inertia, r_cg))
     estimate = Information(
         run=run, **weighted._asdict(), noise=noise, inertia=spread @ weighted.right, scores=weighted_scores,
-        excitation=excitation(weighted.normal, noise), offsets=removed, residual=residuals.std(axis=0),
-        correlation_time=correlation_time(residuals), rows=len(residuals), gain_error=gain_error(run, estimator),
-        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread),
-        trace=trace(record.t, residuals, levelled.moment_in_time(r_cg), record.motion), weighed=weighed,
+        excitation=excitation(weighted.normal, noise), offsets=removed, rows=len(record),
+        gain_error=gain_error(run, estimator), weighed=weighed,
+        degrees_of_freedom=fit.spectrum.degrees_of_freedom(weighed, spread, by_noise),
+        **residuals_in_time(levelled.residuals(inertia, r_cg), record, r_cg),
     )  # fmt: skip
     extended = _equations_of(eliminated.rows, x[:inside], *sides)
     changes = residual_changes(unweighted, inertia, r_cg, errors)
@@ -304,11 +304,10 @@ def _inside(run: Run, lines: Lines, power_gain: np.ndarray) -> int:
     return int((reached & (power_gain >= HALF**2)).sum())
 
 
-def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:
-    """Spectrum of the noise in the rows' alpha, its mean 1."""
-    # the responses at a block of lines are a matrix of lines by taps
-    slope = np.concatenate([_slope(run, estimator, frequency[part]) for part in blocks(len(frequency))])
-    return slope**2 / np.mean(slope**2)
+def _shape(run: Run, estimator: EstimatorSpec, frequency: np.ndarray, inside: int) -> np.ndarray:
+    """Spectrum of the noise in the rows' alpha on the first lines, its mean over all of them 1."""
+    among = frequency[:: max(len(frequency) // BLOCK, 1)]  # the response is smooth
+    return _slope(run, estimator, frequency[:inside]) ** 2 / np.mean(_slope(run, estimator, among) ** 2)
 
 
 def _slope(run: Run, estimator: EstimatorSpec, frequency: np.ndarray) -> np.ndarray:

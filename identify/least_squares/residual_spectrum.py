@@ -11,7 +11,6 @@ as if there were none. For figures, residuals and motion are kept thinned (:clas
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -93,8 +92,8 @@ def blocks(count: int) -> Iterator[slice]:
 class Spectrum:
     """Covariance of the errors across the axes at each line, an average over a window of lines."""
 
-    products: Float[np.ndarray, "pairs edges"]
-    """Sums of the residuals' products of two axes over the lines before each, the spectrum's shape divided out."""
+    residuals: Float[np.ndarray, "m rows"]
+    """Residuals, the spectrum's shape divided out."""
     shape: Float[np.ndarray, "m rows"]
     """Root of the spectrum's shape on each axis: a filter's gain, and a power of the frequency."""
     constants: int
@@ -112,15 +111,9 @@ class Spectrum:
         half = _half_window(position, self.wider)
         return np.clip(position - half, begin, m - 1), np.clip(position + half + 1, begin + 1, m)
 
-    @cached_property
-    def _free_before(self) -> Float[np.ndarray, "edges rows"]:
-        """Degrees of freedom of the lines before each."""
-        return np.cumsum(np.concatenate([np.zeros_like(self.free[:1]), self.free]), axis=0)
-
     def freedom(self, lines: slice) -> Float[np.ndarray, "k rows"]:
         """Return the degrees of freedom in the windows of some lines; 1 or more."""
-        first, last = self.windows(lines)
-        return np.maximum(self._free_before[last] - self._free_before[first], 1.0)
+        return np.maximum(np.stack([_sums(free, *self.windows(lines)) for free in self.free.T], axis=1), 1.0)
 
     def at(self, lines: slice) -> Float[np.ndarray, "k rows rows"]:
         """Return the covariance ``S`` across the axes at some lines [(N·m)²]; white noise of covariance C has S = C."""
@@ -129,10 +122,11 @@ class Spectrum:
         root = np.sqrt(self.freedom(lines))
         values = np.empty((len(first), size, size))
         start, constants = lines.indices(len(self.shape))[0], min(self.constants, len(self.shape) - 1)
-        apart = slice(0, max(constants - start, 0))
-        for before, (a, b) in zip(self.products, _pairs(size), strict=True):
-            value = (before[last] - before[first]) / (root[:, a] * root[:, b])
-            value[apart] += np.diff(before[start : start + len(value) + 1])[apart]
+        apart, reached = max(constants - start, 0), slice(int(first.min()), int(last.max()))
+        for a, b in _pairs(size):
+            products = self.residuals[reached, a] * self.residuals[reached, b]
+            value = _sums(products, first - reached.start, last - reached.start) / (root[:, a] * root[:, b])
+            value[:apart] += np.prod(self.residuals[start : start + apart, [a, b]], axis=1)[: len(value)]
             values[:, a, b] = values[:, b, a] = value
         floor = 1e-12 * np.trace(values, axis1=1, axis2=2)[:, None, None] * np.eye(size)
         return (values + floor) * self.shape[lines, :, None] * self.shape[lines, None, :]
@@ -147,26 +141,36 @@ class Spectrum:
         terms = ((rows[part], self.at(part)) for part in blocks(len(rows)))
         return np.sum([np.tensordot(x, covariance @ x, axes=((0, 1), (0, 1))) for x, covariance in terms], axis=0)
 
-    def degrees_of_freedom(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> Float[np.ndarray, " k"]:
+    def degrees_of_freedom(
+        self, rows: LineRows, gain: Float[np.ndarray, "p k"], scores: Float[np.ndarray, "p p"]
+    ) -> Float[np.ndarray, " k"]:
         """Return the effective degrees of freedom of the variances of ``gainᵀ Σ rowsᵀ u`` over the first lines.
 
         Each variance is a sum of squares of the residuals; Satterthwaite's formula (GUM G.4) on its terms.
+
+        Args:
+            rows: of the lines.
+            gain: combinations of the sums.
+            scores: covariance of the sums, :meth:`scores`.
         """
-        inside = self._inside(rows, gain)
+        inside = self._inside(rows, gain, ((scores @ gain) * gain).sum(axis=0))
         first, last = self.windows(slice(0, inside))
         reach = int(last.max())
         begun, ended = (np.searchsorted(ends, np.arange(reach), "right") for ends in (first, last))
         return np.array([self._freedom_of(rows, column, inside, begun, ended) for column in gain.T])
 
-    def _inside(self, rows: LineRows, gain: Float[np.ndarray, "p k"]) -> int:
-        """Number of the first lines that hold all but a thousandth of each variance of ``gainᵀ Σ rowsᵀ u``."""
-
-        def variances(part: slice) -> Float[np.ndarray, "k m"]:
+    def _inside(self, rows: LineRows, gain: Float[np.ndarray, "p k"], totals: Float[np.ndarray, " k"]) -> int:
+        """Number of the first lines that hold all but a thousandth of each variance, whose totals are given."""
+        before, inside = np.zeros(len(totals)), 1
+        for part in blocks(len(rows)):
             combinations = rows[part] @ gain
-            return np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
-
-        totals = map(np.cumsum, np.concatenate([variances(part) for part in blocks(len(rows))], axis=1))
-        return max([1, *(int(np.searchsorted(total, 0.999 * total[-1])) for total in totals if total[-1] > 0)])
+            variances = np.einsum("map,map->pm", combinations, self.at(part) @ combinations)
+            sums = before[:, None] + np.cumsum(variances, axis=1)
+            reached = (sums < 0.999 * totals[:, None]).sum(axis=1)
+            inside, before = max(inside, part.start + int(reached.max())), sums[:, -1]
+            if (before >= 0.999 * totals).all():
+                break
+        return inside
 
     def _freedom_of(
         self, rows: LineRows, column: np.ndarray, inside: int, begun: np.ndarray, ended: np.ndarray
@@ -227,12 +231,21 @@ def spectrum(
         wider: by how much to widen the windows.
     """
     passed = np.broadcast_to(np.maximum(gain, LEAST_GAIN), len(residuals))
-    colour = _colour(residuals[constants:], free[constants:], passed[constants:])
-    shape = np.sqrt(passed[:, None] * np.concatenate([np.ones((constants, residuals.shape[1])), colour]))
-    products = np.zeros((len(_pairs(residuals.shape[1])), len(residuals) + 1))
-    for before, (a, b) in zip(products, _pairs(residuals.shape[1]), strict=True):
-        np.cumsum(residuals[:, a] * residuals[:, b] / (shape[:, a] * shape[:, b]), out=before[1:])
-    return Spectrum(products=products, shape=shape, constants=constants, free=free, wider=wider)
+    shape = np.ones(residuals.shape)
+    shape[constants:] = _colour(residuals[constants:], free[constants:], passed[constants:])
+    shape *= passed[:, None]
+    np.sqrt(shape, out=shape)
+    return Spectrum(residuals=residuals / shape, shape=shape, constants=constants, free=free, wider=wider)
+
+
+def _sums(
+    values: Float[np.ndarray, " m"], first: Int[np.ndarray, " k"], last: Int[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Return the sums of values from each of some places to the one before another."""
+    start, stop = int(first.min()), int(last.max())
+    before = np.zeros(stop - start + 1)
+    np.cumsum(values[start:stop], out=before[1:])
+    return before[last - start] - before[first - start]
 
 
 def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "m rows"]:
@@ -242,7 +255,10 @@ def leverage(rows: LineRows, inverse: Float[np.ndarray, "p p"]) -> Float[np.ndar
         weighed = (block.reshape(-1, block.shape[2]) @ inverse).reshape(block.shape)
         return np.clip(np.einsum("map,map->ma", weighed, block), 0, 1)
 
-    return np.concatenate([taken(rows[part]) for part in blocks(len(rows))])
+    every = np.empty((len(rows), rows[:1].shape[1]))
+    for part in blocks(len(rows)):
+        every[part] = taken(rows[part])
+    return every
 
 
 def _colour(
@@ -280,6 +296,8 @@ SEGMENTS = 8
 """Segments over which a spectrum is averaged, at least."""
 LONGEST = 4096
 """Most samples in a segment of a spectrum."""
+DRAWN = 2**18
+"""Most samples that a spectrum is from: 64 segments are smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,25 +325,26 @@ class Trace:
 def trace(
     t: Float[np.ndarray, " n"],
     residuals: Float[np.ndarray, "n 3"],
-    moment: Float[np.ndarray, "n 3"],
+    moment: Float[np.ndarray, "w 3"],
     motion: Float[np.ndarray, "p 6"],
 ) -> Trace:
     """Thin a run's fit for drawing.
 
-    The spectra (Welch) are those of the longest segment without a gap, averaged over bands of equal ratio.
+    The spectra (Welch) are those of the first samples of the longest segment without a gap, averaged over bands of
+    equal ratio.
 
     Args:
         t: instants of the rows [s], with gaps where samples were left out.
         residuals: measured less fitted moment about the centre of gravity [N·m].
-        moment: the measured moment about the centre of gravity, less the offset that was removed [N·m].
+        moment: the measured moment about the centre of gravity at these first samples [N·m].
         motion: angular velocity [rad/s] and acceleration [rad/s²], :func:`thinned`.
     """
     edges = _edges(len(t), BINS)
     low, high = (reach.reduceat(residuals, edges, axis=0) for reach in (np.minimum, np.maximum))
     step = float(np.median(np.diff(t)))
     segment = _longest(t, step)
-    frequency, densities = _density(residuals[segment], 1 / step)
-    _, moment_densities = _density(moment[segment], 1 / step)
+    frequency, densities = _density(residuals[segment][: len(moment)], 1 / step)
+    _, moment_densities = _density(moment, 1 / step)
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
     moment_density = np.sqrt(np.mean(moment_densities**2, axis=1))
     return Trace(

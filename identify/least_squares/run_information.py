@@ -6,7 +6,7 @@ axes, so the covariance of the scores ``Σ Ωᵀu`` is taken from their spectrum
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -19,7 +19,7 @@ from identify.least_squares.run_lines import ACTING, FORCE, MOMENT, MOTION, RunL
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import ALPHA, OMEGA_R_OF_FEATURES
 from identify.signals.estimator_spec import EstimatorSpec
-from identify.signals.power_spectrum import correlation_time, welch
+from identify.signals.power_spectrum import correlation_time
 from identify.signals.run import Run
 
 Matrix = Float[Array, "6 6"] | Float[np.ndarray, "6 6"]
@@ -141,14 +141,16 @@ def information_of_lines(
 ) -> Information:
     """Return :func:`information` from what the run leaves behind the estimator."""
     run, count = lines.run, len(lines)
+    noise = count * noise_in_normal(alpha_noise(run, estimator))
     used = without_offsets(lines, offsets)
     normal, right, by_centre = _equations(used.products(), r_cg)
     spread = np.linalg.pinv(normal, hermitian=True)
     inertia = spread @ right
     residuals = used.residuals(inertia, r_cg)
+    shown = residuals_in_time(residuals, lines, r_cg)
     errors = _spectrum_of(residuals, used, spread, estimator, offsets)
-    scores = errors.scores(used)
-    noise = count * noise_in_normal(alpha_noise(run, estimator))
+    del residuals  # of a long run, what is not looked at again takes no memory
+    scores = by_noise = errors.scores(used)
     removed = None
     if offsets == "estimate":  # what the rows' means leave, so that it takes the tensor's covariance along
         regressor, force = lines.mean_regressor, lines.means[FORCE]
@@ -159,14 +161,20 @@ def information_of_lines(
         removed = rested(resting(run), r_cg)
         total = count * lines.mean_regressor.T
         scores = scores + total @ removed.covariance @ total.T
-    in_time = lines.lines.samples(residuals)
     return Information(
         run=run, normal=normal, right=right, right_by_centre=by_centre, noise=noise, inertia=inertia, scores=scores,
-        excitation=excitation(normal, noise), offsets=removed, residual=in_time.std(axis=0),
-        correlation_time=correlation_time(in_time), rows=count, gain_error=gain_error(run, estimator),
-        degrees_of_freedom=errors.degrees_of_freedom(used, spread),
-        trace=trace(lines.t, in_time, used.moment_in_time(r_cg), lines.motion),
+        excitation=excitation(normal, noise), offsets=removed, rows=count, gain_error=gain_error(run, estimator),
+        degrees_of_freedom=errors.degrees_of_freedom(used, spread, by_noise), **shown,
     )  # fmt: skip
+
+
+def residuals_in_time(residuals: np.ndarray, lines: RunLines, r_cg: np.ndarray) -> dict[str, Any]:
+    """Return size, correlation time and figures of residuals, fields of :class:`Information`, from their lines."""
+    samples = lines.lines.samples(residuals)
+    return {
+        "residual": samples.std(axis=0), "correlation_time": correlation_time(samples),
+        "trace": trace(lines.t, samples, lines.moment(r_cg), lines.motion),
+    }  # fmt: skip
 
 
 def without_offsets(lines: RunLines, offsets: OffsetChoice) -> RunLines:
@@ -213,8 +221,7 @@ def noise_in_normal(sigma: np.ndarray) -> np.ndarray:
 
 def gain_error(run: Run, estimator: EstimatorSpec) -> float:
     """Return the tensor's relative error by the differentiator's gain: 1/gain - 1, weighed by the spectrum of alpha."""
-    omega = run.omega[run.longest_segment]
-    frequency, power = welch(omega, run.rate, max(len(omega) // 4, 8), window="blackmanharris")
+    frequency, power = run.motion_spectrum
     power, frequency = power[frequency <= run.band], frequency[frequency <= run.band]
     weight = power.sum(axis=1) * frequency**2 * estimator.passed(run.rate, frequency) ** 2
     total = estimator.gain(run.rate, frequency)

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.least_squares.residual_spectrum import Lines, blocks, thinned
-from identify.rigid_body.regressor import ALPHA, OMEGA, OMEGA_R_OF_FEATURES, ArrayT, features
+from identify.least_squares.residual_spectrum import BLOCK, DRAWN, Lines, blocks, thinned
+from identify.rigid_body.regressor import OMEGA, OMEGA_R_OF_FEATURES, ArrayT, features
 from identify.signals.differentiate import derivative, highest_band
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.filters import apply
@@ -24,15 +24,23 @@ FEWEST = 24
 """Samples that a run needs: with few more rows than unknowns, the residuals would say that there is no noise."""
 
 
+ACTING = np.flatnonzero(OMEGA_R_OF_FEATURES.any(axis=(1, 2)))
+"""Features that ``Omega_R`` is made of: products of the angular velocity, and angular acceleration."""
+ACCELERATION = slice(6, 9)
+"""Slice of the angular acceleration among them."""
+OMEGA_R_OF_ACTING = OMEGA_R_OF_FEATURES[ACTING]
+MOTION, FORCE, MOMENT = (slice(*limits) for limits in ((0, 9), (9, 12), (12, 15)))
+"""Slices of the acting features, the force and the moment among a run's signals."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Features, force and moment of the instants that count, component first."""
+    """Signals of the instants that count, component first."""
 
-    phi: Float[np.ndarray, "13 n"]
-    force: Float[np.ndarray, "3 n"]
-    """Force on the body [N]."""
-    moment: Float[np.ndarray, "3 n"]
-    """Moment on the body about Q [N·m]."""
+    signals: Float[np.ndarray, "15 n"]
+    """Acting features, force on the body [N] and moment on it about Q [N·m]."""
+    omega: Float[np.ndarray, "n 3"]
+    """Angular velocity behind the filter [rad/s]."""
     segments: tuple[slice, ...]
     """Instants that follow one another without a gap."""
     instants: slice | Int[np.ndarray, " n"]
@@ -46,25 +54,42 @@ def rows_of(run: Run, estimator: EstimatorSpec) -> Rows:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
     check_rate(run, estimator)
-    taps, smoothing, needed = estimator.taps(run.rate), estimator.filter_taps(run.rate), estimator.lost(run.rate) + 3
-    if len(run.t) < needed:
+    lost = estimator.lost(run.rate)
+    if len(run.t) < lost + 3:
         raise RunError(
-            f"{run.name} has {len(run.t)} samples, fewer than the {needed} that estimator '{estimator.name}' needs at "
-            f"{run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
+            f"{run.name} has {len(run.t)} samples, fewer than the {lost + 3} that estimator '{estimator.name}' needs "
+            f"at {run.rate:.6g} Hz: record for longer, or choose a higher band or low-pass"
         )
-    phi, force, moment = filtered(run.omega.T, run.force.T, run.moment.T, taps, smoothing)
-    keep = usable_rows(run, phi.shape[1])
+    count = len(run.t) - lost
+    keep = usable_rows(run, count)
     if len(keep) < FEWEST:
         raise RunError(
             f"{run.name} has {len(keep)} samples that may be used, fewer than {FEWEST}: "
             f"{run.cure('record without gaps, or choose a longer part')}"
         )
-    half = (len(run.t) - phi.shape[1]) // 2
+    signals, omega = _in_blocks(run, estimator)
     # slices where every sample counts: nothing is copied
-    part, instants = (keep, half + keep) if run.missing is not None else (slice(None), slice(half, half + len(keep)))
+    part, instants = (
+        (keep, lost // 2 + keep) if run.missing is not None else (slice(None), slice(lost // 2, lost // 2 + count))
+    )
     return Rows(
-        phi=phi[:, part], force=force[:, part], moment=moment[:, part], segments=unbroken(keep), instants=instants
+        signals=signals[:, part], omega=run.omega[instants] if omega is None else omega[:, part].T,
+        segments=unbroken(keep), instants=instants,
     )  # fmt: skip
+
+
+def _in_blocks(run: Run, estimator: EstimatorSpec) -> tuple[Float[np.ndarray, "15 m"], Float[np.ndarray, "3 m"] | None]:
+    """Acting features, force and moment, a block at a time to bound memory; the angular velocity, if it is filtered."""
+    taps, smoothing, lost = estimator.taps(run.rate), estimator.filter_taps(run.rate), estimator.lost(run.rate)
+    count, size = len(run.t) - lost, max(BLOCK, 8 * lost)
+    signals, omega = np.empty((MOMENT.stop, count)), None if len(smoothing) == 1 else np.empty((3, count))
+    for start in range(0, count, size):
+        part, to = slice(start, start + size + lost), slice(start, start + size)
+        phi, force, moment = filtered(run.omega[part].T, run.force[part].T, run.moment[part].T, taps, smoothing)
+        signals[MOTION, to], signals[FORCE, to], signals[MOMENT, to] = phi[ACTING], force, moment
+        if omega is not None:
+            omega[:, to] = phi[OMEGA]
+    return signals, omega
 
 
 def check_rate(run: Run, estimator: EstimatorSpec) -> None:
@@ -118,13 +143,6 @@ def filtered(
     return behind[:13], behind[13:16], behind[16:]
 
 
-ACTING = np.flatnonzero(OMEGA_R_OF_FEATURES.any(axis=(1, 2)))
-"""Features that ``Omega_R`` is made of: products of the angular velocity, and angular acceleration."""
-OMEGA_R_OF_ACTING = OMEGA_R_OF_FEATURES[ACTING]
-MOTION, FORCE, MOMENT = slice(0, len(ACTING)), slice(len(ACTING), len(ACTING) + 3), slice(len(ACTING) + 3, None)
-"""Slices of the acting features, the force and the moment among a run's signals."""
-
-
 @dataclass(frozen=True, eq=False)
 class RunLines:
     """Lines of a run's acting features, force and moment; slices of it are lines of ``Omega_R``, (k, 3, 6)."""
@@ -141,6 +159,8 @@ class RunLines:
     """Angular velocity behind the filter [rad/s]."""
     motion: Float[np.ndarray, "p 6"]
     """Angular velocity [rad/s] and acceleration [rad/s²], thinned for figures."""
+    wrench: Float[np.ndarray, "w 6"]
+    """Force [N] and moment [N·m] at the first :data:`DRAWN` instants of the longest segment, for figures."""
     removed: Float[np.ndarray, "15"]
     """Constants that are taken off the signals."""
 
@@ -177,11 +197,14 @@ class RunLines:
 
     def residuals(self, inertia: Float[np.ndarray, "6"], r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
         """Return all lines of ``M - r × F - Omega_R i`` of a packed tensor [N·m]."""
-        return np.concatenate([self.about_cg(r_cg, part) - self[part] @ inertia for part in self.parts()])
+        every = np.empty((len(self), 3))
+        for part in self.parts():
+            every[part] = self.about_cg(r_cg, part) - self[part] @ inertia
+        return every
 
-    def moment_in_time(self, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "m 3"]:
-        """Return ``M - r × F`` at each instant [N·m]."""
-        return self.lines.samples(np.concatenate([self.about_cg(r_cg, part) for part in self.parts()]))
+    def moment(self, r_cg: Float[np.ndarray, "3"]) -> Float[np.ndarray, "w 3"]:
+        """Return ``M - r × F`` at the first instants of the longest segment [N·m]."""
+        return self.wrench[:, 3:] - np.cross(r_cg, self.wrench[:, :3])
 
     @property
     def mean_regressor(self) -> Float[np.ndarray, "3 6"]:
@@ -196,14 +219,16 @@ def run_lines(run: Run, estimator: EstimatorSpec) -> RunLines:
         RunError: the run is too short for the estimator, or its rate too low for the band.
     """
     rows = rows_of(run, estimator)
-    signals = [*rows.phi[ACTING], *rows.force, *rows.moment]
-    lines = Lines.of(rows.segments, run.rate)
-    transformed = np.empty((len(signals), rows.phi.shape[1]))
-    for line, signal in zip(transformed, signals, strict=True):
-        line[:] = lines.transform(signal)
-    omega = run.omega[rows.instants] if estimator.lowpass is None else rows.phi[OMEGA].T.copy()
+    signals, lines = rows.signals, Lines.of(rows.segments, run.rate)
+    longest = max(rows.segments, key=lambda segment: segment.stop - segment.start)
+    drawn = slice(longest.start, min(longest.stop, longest.start + DRAWN))
+    in_time = {
+        "means": signals.mean(axis=1), "motion": np.hstack([thinned(rows.omega), thinned(signals[ACCELERATION].T)]),
+        "wrench": signals[FORCE.start :, drawn].T.copy(),
+    }  # fmt: skip
+    for signal in signals:
+        signal[:] = lines.transform(signal)
     return RunLines(
-        run=run, lines=lines, signals=transformed, means=np.array([signal.mean() for signal in signals]),
-        t=run.t[rows.instants], omega=omega,
-        motion=np.hstack([thinned(rows.phi[part].T) for part in (OMEGA, ALPHA)]), removed=np.zeros(len(signals)),
+        run=run, lines=lines, signals=signals, t=run.t[rows.instants], omega=rows.omega, **in_time,
+        removed=np.zeros(len(signals)),
     )  # fmt: skip

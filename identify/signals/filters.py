@@ -9,6 +9,8 @@ from identify.rigid_body.regressor import Array, ArrayT
 
 LONGEST = 10_000_000
 """Taps of a low-pass on either side of its middle, at most."""
+BLOCK = 2**14
+"""Samples that are transformed at a time, where the taps are few."""
 ATTENUATION = 100.0
 """Attenuation of the low-pass that brings unequal rates together [dB]."""
 
@@ -75,16 +77,30 @@ def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[Ar
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
     if isinstance(signals, np.ndarray):
-        import scipy  # `inertia inspect` averages without it
-
-        size = scipy.fft.next_fast_len(signals.shape[1] + len(taps) - 1, real=True)
-        filtered = scipy.fft.irfft(scipy.fft.rfft(signals, size) * scipy.fft.rfft(taps, size), size)
-        return np.ascontiguousarray(filtered[:, len(taps) - 1 : signals.shape[1]])
+        return convolved(signals, taps)
     import jax
     from jax.scipy.signal import fftconvolve
 
     filtered = lambda signal: fftconvolve(signal, taps.astype(signal.dtype), mode="valid")  # noqa: E731
     return jax.vmap(filtered)(signals)
+
+
+def convolved(signals: Float[np.ndarray, "k n"], taps: Float[np.ndarray, " t"]) -> Float[np.ndarray, "k m"]:
+    """Return the convolution of each row with taps where these lie within it, m = n - taps + 1.
+
+    By transforms of blocks that overlap by the taps (overlap-save), which stay in the processor's cache.
+    """
+    import scipy  # `inertia inspect` averages without it
+
+    reach, count = len(taps) - 1, signals.shape[1] - len(taps) + 1
+    size = scipy.fft.next_fast_len(min(signals.shape[1], max(BLOCK, 8 * reach)), real=True)
+    response, filtered = scipy.fft.rfft(taps, size), np.empty((len(signals), count))
+    for row, signal in zip(filtered, signals, strict=True):
+        for start in range(0, count, size - reach):
+            block = scipy.fft.irfft(scipy.fft.rfft(signal[start : start + size], size) * response, size)
+            part = row[start : start + size - reach]
+            part[:] = block[reach : reach + len(part)]
+    return filtered
 
 
 def means(values: Float[np.ndarray, "n *k"], count: int) -> Float[np.ndarray, "m *k"]:
@@ -107,16 +123,18 @@ def moving_average(
         ends: what stands for samples before the first and after the last: the signal mirrored, or its last value; or
             none, so that the mean is of fewer.
     """
+    if signal.ndim == 2:
+        return np.stack([moving_average(column, width, ends=ends) for column in signal.T]).T
     before, blocks = width // 2, -(-len(signal) // width) + 1
-    beyond = [(before, blocks * width - len(signal) - before), *[(0, 0)] * (signal.ndim - 1)]
-    tiles = np.pad(signal, beyond, "constant" if ends == "fewer" else ends).reshape(blocks, width, *signal.shape[1:])
+    beyond = (before, blocks * width - len(signal) - before)
+    tiles = np.pad(signal, beyond, "constant" if ends == "fewer" else ends).reshape(blocks, width)
     left = np.cumsum(tiles[:-1, ::-1], axis=1)[:, ::-1]
     right = np.cumsum(tiles[1:], axis=1) - tiles[1:]
-    sums = (left + right).reshape(-1, *signal.shape[1:])[: len(signal)]
+    sums = (left + right).reshape(-1)[: len(signal)]
     if ends == "fewer":
         first = np.arange(len(signal)) - before
         counts = np.minimum(first + width, len(signal)) - np.maximum(first, 0)
-        return np.asarray((sums.T / counts).T)
+        return np.asarray(sums / counts)
     return np.asarray(sums / width)
 
 

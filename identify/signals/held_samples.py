@@ -19,10 +19,13 @@ STEP = 0.1
 
 def held(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
     """Return which samples repeat the one before in every column, while the signal moved."""
-    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    same = np.concatenate([[False], steps == 0])
+    same = np.zeros(len(values), bool)
+    same[1:] = values[1:, 0] == values[:-1, 0]
+    for column in values.T[1:] if same.any() else ():
+        same[1:] &= column[1:] == column[:-1]
     if not same.any() or same[1:].all():
         return np.zeros(len(values), bool)
+    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
     usual = float(np.median(steps[steps > 0]))
     out = np.concatenate([steps, [0.0]])
     repeated = np.zeros(len(values), bool)
@@ -54,12 +57,12 @@ def saturated(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " n"]:
     """Return which samples stay exactly at a column's largest or smallest value, five or more in a row."""
     clipped = np.zeros(len(values), bool)
     for column in values.T:
-        steps = np.abs(np.diff(column))
-        if not (steps > 0).any():
-            continue
-        usual = float(np.median(steps[steps > 0]))
-        for extreme in (column.min(), column.max()):
-            for start, stop in runs_of_true(column == extreme):
+        extremes = [column == extreme for extreme in (column.min(), column.max())]
+        extremes = [at_end for at_end in extremes if FROZEN <= at_end.sum() < len(column)]
+        steps = np.abs(np.diff(column)) if extremes else np.zeros(1)
+        usual = float(np.median(steps[steps > 0])) if extremes else 0.0
+        for at_end in extremes:
+            for start, stop in runs_of_true(at_end):
                 ends = [steps[k] for k in (start - 1, stop - 1) if 0 <= k < len(steps)]
                 clipped[start:stop] |= stop - start >= FROZEN and max(ends) >= STEP * usual
     return clipped

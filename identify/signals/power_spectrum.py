@@ -13,6 +13,8 @@ WINDOWS = {"hann": (0.5, 0.5), "blackmanharris": (0.35875, 0.48829, 0.14128, 0.0
 """Amplitudes of their cosines, of alternating sign."""
 BATCH = 2**18
 """Samples of the segments that are transformed at a time."""
+LAGS = 1024
+"""Lags of a correlation that are looked at first."""
 
 
 def welch(
@@ -62,7 +64,16 @@ def motion_band(omega: np.ndarray, rate: float) -> float:
     Welch's spectrum of the angular velocity, shape (n, 3), in eight segments or more, against its own median above an
     eighth of the rate; a Blackman–Harris window, whose leakage is below the noise of any gyro.
     """
-    frequency, power = welch(omega, rate, max(len(omega) // 4, 8), window="blackmanharris")
+    return band_of(*motion_spectrum(omega, rate), rate)
+
+
+def motion_spectrum(omega: np.ndarray, rate: float) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m k"]]:
+    """Return frequencies and power density of a recorded motion, in segments of a quarter of it."""
+    return welch(omega, rate, max(len(omega) // 4, 8), window="blackmanharris")
+
+
+def band_of(frequency: Float[np.ndarray, " m"], power: Float[np.ndarray, "m k"], rate: float) -> float:
+    """Return :func:`motion_band` of a spectrum."""
     floor = np.median(power[frequency > rate / 8], axis=0)
     stands_out = (power > np.maximum(100 * floor, 1e-9 * power.max())).any(axis=1)
     return float(frequency[stands_out].max(initial=frequency[1]))
@@ -78,10 +89,11 @@ def occupied_band(signal: np.ndarray, rate: float) -> float:
 
 def noise_level(*segments: np.ndarray) -> np.ndarray:
     """Return the standard deviation of white noise on each axis of samples (n, 3), from their fourth differences."""
-    differences = [np.diff(omega, 4, axis=0) for omega in segments if len(omega) >= 6]
-    if not differences:
+    long = [segment for segment in segments if len(segment) >= 6]
+    if not long:
         return np.zeros(3)
-    return np.sqrt(np.mean(np.concatenate(differences) ** 2, axis=0) / 70)
+    squares = [[np.square(np.diff(axis, 4)).sum() for axis in segment.T] for segment in long]
+    return np.sqrt(np.sum(squares, axis=0) / sum(len(segment) - 4 for segment in long) / 70)
 
 
 def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
@@ -91,11 +103,26 @@ def correlation_time(signal: Float[np.ndarray, "n k"]) -> float:
 
 def _correlation_time(values: Float[np.ndarray, " n"]) -> float:
     """Return the integrated correlation time [samples] of one axis; 1 where it is constant zero."""
-    n = len(values)
-    size = scipy.fft.next_fast_len(2 * n - 1, real=True)
-    lines = np.fft.rfft(values, size)
-    correlation = np.fft.irfft(lines.real**2 + lines.imag**2, size)[:n]
-    if not correlation[0] > 0:
-        return 1.0
-    negative = np.flatnonzero(correlation <= 0)
-    return float(1 + 2 * correlation[1 : negative[0] if len(negative) else n].sum() / correlation[0])
+    n, lags = len(values), min(LAGS, len(values))
+    while True:
+        correlation = _correlation(values, lags)
+        if not correlation[0] > 0:
+            return 1.0
+        negative = np.flatnonzero(correlation <= 0)
+        if len(negative) or lags == n:
+            return float(1 + 2 * correlation[1 : negative[0] if len(negative) else n].sum() / correlation[0])
+        lags = min(8 * lags, n)
+
+
+def _correlation(values: Float[np.ndarray, " n"], lags: int) -> Float[np.ndarray, " lags"]:
+    """Return the sums of products of a signal's samples that are so many lags apart."""
+    count = -(-len(values) // lags)
+    blocks = np.zeros((count + 1) * lags)
+    blocks[: len(values)] = values
+    blocks, total = blocks.reshape(count + 1, lags), np.zeros(lags + 1, complex)
+    together = max(BATCH // lags, 1)  # bounds memory
+    for k in range(0, count, together):
+        first, second = blocks[k : min(k + together, count)], blocks[k + 1 : min(k + together, count) + 1]
+        alone, beside = (scipy.fft.rfft(part, 2 * lags) for part in (first, np.hstack([first, second])))
+        total += (alone.conj() * beside).sum(axis=0)
+    return np.asarray(scipy.fft.irfft(total, 2 * lags)[:lags])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from identify.exceptions import RunError
 from identify.rigid_body.dynamics import specific_force_at
-from identify.signals.power_spectrum import motion_band, noise_level
+from identify.signals.power_spectrum import band_of, motion_spectrum, noise_level
 from identify.signals.resample import (
     UNEQUAL,
     apart,
@@ -120,9 +120,14 @@ class Run:
         return max(self.used(), key=lambda segment: segment.stop - segment.start, default=slice(0, 0))
 
     @cached_property
+    def motion_spectrum(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
+        """Frequencies [Hz] and power density of the angular velocity in the longest segment."""
+        return motion_spectrum(self.omega[self.longest_segment], self.rate)
+
+    @cached_property
     def band(self) -> float:
         """Highest frequency at which the motion stands out from the gyro's noise, in the longest segment [Hz]."""
-        return motion_band(self.omega[self.longest_segment], self.rate)
+        return band_of(*self.motion_spectrum, self.rate)
 
     @classmethod
     def from_arrays(
@@ -223,8 +228,8 @@ class Run:
         Raises:
             RunError: fewer than two samples lie between.
         """
-        keep = (self.t >= start) & (self.t <= stop)
-        if keep.sum() < 2:
+        keep = slice(*np.searchsorted(self.t, (start, np.nextafter(stop, np.inf))))  # of signals that are not copied
+        if keep.stop - keep.start < 2:
             raise RunError(
                 f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
             )
@@ -308,8 +313,8 @@ def _checked(name: str, channel: str, t: ArrayLike, **signals: ArrayLike) -> tup
             raise RunError(
                 f"{signal} in {name} has shape {values.shape}: give ({len(t)}, 3), three components per sample"
             )
-        bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
-        if bad.any():
+        if not np.isfinite(values).all():
+            bad = ~np.isfinite(values.reshape(len(t), -1)).all(axis=1)
             raise RunError(
                 f"{signal} in {name} is not finite at sample {int(np.argmax(bad))} ({int(bad.sum())} such samples): "
                 "remove them first"
@@ -352,6 +357,9 @@ def refuse_excess(signal: str, values: np.ndarray, name: str) -> None:
     Raises:
         RunError: a reading is larger than ``LARGEST``, or all are below ``SMALLEST``.
     """
+    largest = max(values.max(), -values.min()) if values.size else 0.0
+    if largest == 0 or SMALLEST <= largest <= LARGEST:
+        return
     size = np.abs(values).reshape(len(values), -1).max(axis=1)
     size[~np.isfinite(size)] = 0  # another refusal's
     if len(size) and size.max() > LARGEST:

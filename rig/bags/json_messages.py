@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from mcap.records import Channel, Schema
+from numpy.typing import NDArray
 
 from rig.bags.protobuf_messages import decoder
 from rig.exceptions import quoted
@@ -24,7 +25,9 @@ KINDS = {"where": np.intp, "log_time": np.int64, "stamp": np.int64, "sequence": 
 SECONDS, NANOSECONDS = ("sec", "secs", "seconds"), ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 
 
-def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, schema: Schema) -> list[DecodedMessages]:
+def decode(
+    data: bytes, offsets: NDArray[np.int64], type_name: str, channel: Channel, schema: Schema
+) -> list[DecodedMessages]:
     """Decode the messages at ``offsets`` of a chunk.
 
     Raises:
@@ -32,7 +35,7 @@ def decode(data: bytes, offsets: list[int], type_name: str, channel: Channel, sc
     """
     read = _json if channel.message_encoding == "json" else decoder(schema.data, schema.name)
     groups: dict[tuple, list[dict[str, Any]]] = {}
-    for place, offset in enumerate(offsets):
+    for place, offset in enumerate(offsets.tolist()):
         message = message_at(data, offset)
         tree = read(message.data)
         stamp, frame = _header(tree) if type_name in STAMPED else (0, "")

@@ -48,7 +48,7 @@ def read_marks(path: str | os.PathLike[str]) -> Notes:
         for batch in file.batches(definitions, {TEXT, DIAGNOSTICS}):
             for channel_id, offsets in batch.offsets.items():
                 kind = _kind(definitions, channel_id)
-                for message in (message_at(batch.data, offset) for offset in offsets if kind):
+                for message in (message_at(batch.data, offset) for offset in offsets.tolist() if kind):
                     try:
                         if kind == TEXT:
                             marks.append(Mark(message.log_time, _Reader(message.data).text()))

@@ -5,7 +5,9 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
+import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
 from rig.exceptions import RigError
 from rig.mcap.records import MESSAGE, Batch, Definitions, message_at
@@ -63,7 +65,8 @@ class Packer:
     def take(self, least: int = 1) -> Iterator[Batch]:
         """The chunk, if there are as many bytes in it; the packer is empty then."""
         if len(self._data) >= least:
-            yield Batch(bytes(self._data), self._offsets, [], [])
+            offsets = {channel: np.array(places) for channel, places in self._offsets.items()}
+            yield Batch(bytes(self._data), offsets, [], [])
             self._data, self._offsets = bytearray(), {}
 
 
@@ -72,7 +75,7 @@ def _check_length(size: int) -> None:
         raise ValueError(f"a message of {size} bytes, where a sample has about a hundred")
 
 
-def pieces(data: bytes, offsets: list[int], budget: UnpackBudget) -> Iterator[tuple[bytes, list[int]]]:
+def pieces(data: bytes, offsets: NDArray[np.int64], budget: UnpackBudget) -> Iterator[tuple[bytes, NDArray[np.int64]]]:
     """The messages at ``offsets`` about a megabyte at a time, so that decoding takes little memory.
 
     They are decompressed where rosbag2 compressed each by itself (mode MESSAGE).
@@ -86,7 +89,7 @@ def pieces(data: bytes, offsets: list[int], budget: UnpackBudget) -> Iterator[tu
         yield data, offsets
         return
     packer, expand = Packer(), zstandard.ZstdDecompressor()
-    for offset in offsets:
+    for offset in offsets.tolist():
         message = message_at(data, offset)
         if packed:
             message.data = _unpacked(message.data, expand)
@@ -106,6 +109,6 @@ def _unpacked(packed: bytes, expand: zstandard.ZstdDecompressor) -> bytes:
         raise ValueError("a message does not decompress") from error
 
 
-def _taken(packer: Packer, least: int = 1) -> Iterator[tuple[bytes, list[int]]]:
+def _taken(packer: Packer, least: int = 1) -> Iterator[tuple[bytes, NDArray[np.int64]]]:
     for batch in packer.take(least):
         yield batch.data, next(iter(batch.offsets.values()))

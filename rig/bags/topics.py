@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from rig.bags import json_messages
 from rig.bags.containers import recording_files, recording_sha256
-from rig.bags.message_packing import ContainerFile, pieces
+from rig.bags.message_packing import FULL, ContainerFile, pieces
 from rig.channels import ImuChannel, MotionChannel, WrenchChannel
 from rig.exceptions import RigError, listed, quoted
 from rig.mcap import cdr, message_definitions
 from rig.mcap.cdr import ENCODINGS, DecodedMessages
 from rig.mcap.message_definitions import IMU, JOINTS, WRENCH, WRENCHES
-from rig.mcap.records import MESSAGE, Batch, Definitions
+from rig.mcap.records import MESSAGE, Batch, Definitions, joined
 from rig.read_limits import UnpackBudget, parse_json
 
 PathLike = str | os.PathLike[str]
@@ -27,6 +27,7 @@ SET_BACK = 100_000_000
 """Step back of a topic's log times [ns] beyond which a clock was set back: a recorder writes a topic as it comes."""
 NEEDS_WRIST = "this needs a wrist sensor: torques of joints are not used"
 """Words for a recording without a wrench."""
+CHANGES = "the number of its values changes from message to message: split the run"
 MOST_PUBLISHERS = 20
 """Sets of joints that the messages of one topic name: arm, gripper, base, head."""
 
@@ -41,7 +42,7 @@ class GrowingColumn:
         """Append rows to the column. Raises ``RigError`` where they are of another width."""
         width, stop = self._rows.shape[1:], self.count + len(rows)
         if rows.shape[1:] != width:
-            raise RigError("the number of its values changes from message to message: split the run")
+            raise RigError(CHANGES)
         if stop > len(self._rows):  # in place: a large block of memory moves without a copy
             self._rows.resize((stop + stop // 4, *width), refcheck=False)
         self._rows[self.count : stop] = rows
@@ -77,7 +78,10 @@ class TopicMessages:
             order = np.argsort(np.concatenate([group.where for group in same]))
             columns = self.columns.setdefault(names, {})
             for name in same[0].columns:
-                values = np.concatenate([group.columns[name] for group in same])
+                parts = [group.columns[name] for group in same]
+                if len({part.shape[1:] for part in parts}) > 1:
+                    raise RigError(CHANGES)
+                values = np.concatenate(parts)
                 columns.setdefault(name, GrowingColumn(values)).extend(values if len(same) == 1 else values[order])
         if len(self.columns) > MOST_PUBLISHERS:
             raise RigError(f"its messages name over {MOST_PUBLISHERS} sets of joints: record those of the robot alone")
@@ -147,7 +151,7 @@ class Contents:
 
     def take(self, file: ContainerFile, definitions: Definitions, only: Topics) -> None:
         """Take a file's messages that are of a type in ``only``, from the named topic or from every one."""
-        for batch in file.batches(definitions, set(only)):
+        for batch in joined(file.batches(definitions, set(only)), FULL):  # decoding has a price a batch
             try:
                 self._add(batch, definitions, only, file.budget)
             except RigError:
@@ -262,7 +266,7 @@ def type_of(channel: Channel, definitions: Definitions) -> str:
 
 
 def _decoded(
-    data: bytes, offsets: list[int], channel: Channel, type_name: str, definitions: Definitions
+    data: bytes, offsets: NDArray[np.int64], channel: Channel, type_name: str, definitions: Definitions
 ) -> list[DecodedMessages]:
     if channel.message_encoding in ENCODINGS:
         return cdr.decode(data, offsets, type_name, channel.message_encoding)

@@ -165,7 +165,7 @@ def _constant(name: str, values: NDArray[np.float64]) -> Suspicions:
 
 def dead_axes(values: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the axes of a vector's samples that never change while another does."""
-    constant = np.ptp(values, axis=0) == 0 if len(values) else np.ones(values.shape[1], bool)
+    constant = np.array([not len(column) or bool((column == column[0]).all()) for column in values.T])
     return np.flatnonzero(constant & ~constant.all())
 
 

@@ -146,6 +146,9 @@ def records(data: bytes, offsets: NDArray[np.int64], dtype: np.dtype) -> NDArray
     """
     if offsets.max() + dtype.itemsize > len(data):
         raise ValueError("a message is too short for its type")
+    steps = np.diff(offsets)
+    if len(steps) and steps[0] > 0 and (steps == steps[0]).all():  # as they mostly are: nothing is copied
+        return np.ndarray(len(offsets), dtype, data, int(offsets[0]), int(steps[0]))
     window = sliding_window_view(np.frombuffer(data, np.uint8), dtype.itemsize)
     return np.ascontiguousarray(window[offsets]).view(dtype)[:, 0]
 
@@ -157,27 +160,28 @@ def _stamps(rows: NDArray) -> NDArray[np.int64]:
     return rows["sec"][:, 0].astype(np.int64) * 1_000_000_000 + rows["nanosec"][:, 0].astype(np.int64)
 
 
-def decode(data: bytes, offsets: list[int], type_name: str, encoding: str = "cdr") -> list[DecodedMessages]:
+def decode(data: bytes, offsets: NDArray[np.int64], type_name: str, encoding: str = "cdr") -> list[DecodedMessages]:
     """Decode the messages at ``offsets`` of a chunk, in groups of equal layout.
 
     Raises:
         ValueError: a message is not of this type.
         RigError: their texts change too often.
     """
-    starts = np.array(offsets, dtype=np.int64)
-    lengths = records(data, starts, START)["length"].astype(np.int64) + 9
-    pending, groups = np.arange(len(starts)), list[DecodedMessages]()
+    lengths = records(data, offsets, START)["length"].astype(np.int64) + 9
+    pending, groups = np.arange(len(offsets)), list[DecodedMessages]()
     while len(pending):
         if len(groups) == MOST_LAYOUTS:
             raise RigError("its frames or names change from message to message: record those of the robot alone")
-        first = starts[pending[0]]
+        first = int(offsets[pending[0]])
         shape = layout_of(data[first + START.itemsize : first + lengths[pending[0]]], type_name, encoding)
         same_layout = pending[lengths[pending] == lengths[pending[0]]]
-        rows = records(data, starts[same_layout], np.dtype(RECORD + shape.fields))
+        rows = records(data, offsets[same_layout], np.dtype(RECORD + shape.fields))
         same = _same(rows, shape)
         if not same.all():
             same_layout, rows = same_layout[same], rows[same]
         groups.append(DecodedMessages(same_layout, shape.frame_id, shape.names, _columns(rows, type_name)))
+        if len(same_layout) == len(pending):
+            break
         pending = np.setdiff1d(pending, same_layout, assume_unique=True)
     return groups
 

@@ -15,11 +15,13 @@ from io import BytesIO
 from typing import IO
 
 import lz4.frame
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from numpy.typing import NDArray
 
 from rig import read_limits
 from rig.exceptions import RigError, quoted, reason
@@ -43,7 +45,10 @@ MOST_DEFINITIONS = 2**16
 PARSE_ERRORS = (McapError, struct.error, ValueError, EOFError, OverflowError, MemoryError)
 _MESSAGE_START = struct.Struct("<BQH").unpack_from
 """Opcode and length of a record, and a message's channel."""
+HEAD = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel", "<u2")])
 MESSAGE_OPCODE = int(Opcode.MESSAGE)
+PATTERN = 16
+"""Most messages that are written in turn: two sensors whose rates are as 1 to 15."""
 
 
 class DamageError(RigError):
@@ -70,7 +75,7 @@ class Batch:
     """
 
     data: bytes
-    offsets: dict[int, list[int]]
+    offsets: dict[int, NDArray[np.int64]]
     schemas: list[Schema]
     channels: list[Channel]
     others: int = 0
@@ -196,25 +201,63 @@ def damage(path: str | os.PathLike[str], position: int, why: str) -> DamageError
 
 
 def walk(data: bytes) -> Batch:
-    """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly."""
+    """Find the records in a chunk's bytes. Raises ``ValueError`` when they do not fill it exactly.
+
+    A recorder writes messages of few lengths in turn: those that were last are guessed to repeat, which is verified.
+    """
     batch, offsets = Batch(data, {}, [], []), defaultdict[int, list[int]](list)
-    position, end = 0, len(data)
+    repeated = defaultdict[int, list[NDArray[np.int64]]](list)
+    position, end, last, patience = 0, len(data), list[tuple[int, int]](), 2 * PATTERN
     try:
         while position < end:
             opcode, length, channel = _MESSAGE_START(data, position)
             if opcode != MESSAGE_OPCODE:
                 _definition(batch, opcode, data[position + 9 : position + 9 + length])
+                last.clear()
             elif length < MESSAGE_HEAD:
                 raise ValueError("a message is shorter than its header")
             else:
                 offsets[channel].append(position)
+                last.append((length, channel))
             position += 9 + length
+            if len(last) >= patience:
+                pattern = _pattern(last[-2 * PATTERN :])
+                rounds, stride = _rounds(data, position, pattern)
+                for (_, channel), places in zip(pattern, rounds, strict=False):
+                    repeated[channel].append(places)
+                position += stride * len(rounds[0]) if rounds else 0
+                last.clear()
+                patience = 2 * PATTERN if rounds else 2 * patience  # messages in no order are not compared for nothing
     except PARSE_ERRORS as error:
         raise ValueError("a chunk's records are damaged") from error
     if position != end:
         raise ValueError("a chunk's last record is cut")
-    batch.offsets = dict(offsets)
+    batch.offsets = {
+        channel: np.sort(np.concatenate([np.array(places, np.int64), *repeated[channel]]))
+        for channel, places in offsets.items()
+    }
     return batch
+
+
+def _pattern(last: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Length and channel of the messages that the last ones repeat; none where they do not."""
+    periods = range(1, PATTERN + 1)
+    return next((last[-period:] for period in periods if last[-period:] == last[-2 * period : -period]), [])
+
+
+def _rounds(data: bytes, position: int, pattern: list[tuple[int, int]]) -> tuple[list[NDArray[np.int64]], int]:
+    """Where each message of a pattern is in the rounds of it that follow one another, and the bytes of a round."""
+    stride = sum(9 + length for length, _ in pattern)
+    count = (len(data) - position) // stride if pattern else 0
+    if not count:
+        return [], stride
+    starts, same = position + stride * np.arange(count), np.ones(count, bool)
+    places = np.cumsum([0, *(9 + length for length, _ in pattern[:-1])])
+    for place, head in zip(places.tolist(), pattern, strict=True):
+        heads = np.ndarray(count, HEAD, data, position + place, stride)
+        same &= (heads["opcode"] == MESSAGE_OPCODE) & (heads["length"] == head[0]) & (heads["channel"] == head[1])
+    rounds = starts[: count if same.all() else int(np.argmin(same))]
+    return [rounds + place for place in places] if len(rounds) else [], stride
 
 
 def _definition(batch: Batch, opcode: int, body: bytes) -> None:
@@ -351,6 +394,36 @@ def batches(
         if batch is not None:
             definitions.add(batch)
             yield batch
+
+
+def joined(chunks: Iterable[Batch], size: int) -> Iterator[Batch]:
+    """Yield the messages of several chunks together, as long as they have no more bytes than ``size``.
+
+    Definitions are left out: who reads the chunks has them.
+    """
+    waiting, count = list[Batch](), 0
+    for chunk in chunks:
+        if waiting and count + len(chunk.data) > size:
+            yield _one(waiting)
+            waiting, count = [], 0
+        waiting.append(chunk)
+        count += len(chunk.data)
+    if waiting:
+        yield _one(waiting)
+
+
+def _one(chunks: list[Batch]) -> Batch:
+    if len(chunks) == 1:
+        return chunks[0]
+    starts = np.cumsum([0, *(len(chunk.data) for chunk in chunks)]).tolist()
+    offsets = defaultdict[int, list[NDArray[np.int64]]](list)
+    for start, chunk in zip(starts, chunks, strict=False):
+        for channel, places in chunk.offsets.items():
+            offsets[channel].append(start + places)
+    return Batch(
+        b"".join(chunk.data for chunk in chunks),
+        {channel: np.concatenate(places) for channel, places in offsets.items()}, [], [],
+    )  # fmt: skip
 
 
 def _framed(record: Record) -> bytes:

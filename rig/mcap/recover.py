@@ -155,7 +155,7 @@ def _recover(
         records = (_record(data, at) for at in chain(intact.chunks, loose))
         end = Record(len(data), Opcode.DATA_END, b"")
         for batch in batches(chain(records, [end]), Definitions(), budget, path):
-            for position in sorted(chain(*batch.offsets.values())):
+            for position in sorted(chain(*(places.tolist() for places in batch.offsets.values()))):
                 message = message_at(batch.data, position)
                 if message.channel_id not in channels:
                     undefined += 1

@@ -62,7 +62,8 @@ class NoiseSpectrum:
         self, columns: Float[np.ndarray, "n rows p"], gain: Float[np.ndarray, "p k"]
     ) -> Float[np.ndarray, " k"]:
         """Return the effective degrees of freedom of the variances of ``gainᵀ Xᵀ r``."""
-        return self.spectrum.degrees_of_freedom(columns[: len(self.spectrum.shape)], gain)
+        columns = columns[: len(self.spectrum.shape)]
+        return self.spectrum.degrees_of_freedom(columns, gain, self.spectrum.scores(columns))
 
 
 def noise_spectrum(

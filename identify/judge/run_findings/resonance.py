@@ -25,15 +25,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 from identify.display.rounding import significant
 from identify.judge.findings import Finding
-from identify.least_squares.run_lines import rows_of
+from identify.least_squares.run_lines import FORCE, MOMENT, MOTION, OMEGA_R_OF_ACTING, rows_of
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
-from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES
 from identify.signals.power_spectrum import welch
 from identify.signals.run import Run
 
@@ -240,8 +240,8 @@ def lines_of(run: Run, result: Identification) -> list[ResidualCause]:
 def _residual_moment(run: Run, result: Identification) -> Float[np.ndarray, "n 3"]:
     """Residual moment about the centre of gravity, without the estimator's low-pass [N·m]."""
     rows = rows_of(run, replace(result.estimator, lowpass=None))
-    moment = rows.moment.T - np.cross(result.r_cg, rows.force.T)
-    return moment - rows.phi.T @ (OMEGA_R_OF_FEATURES @ result.inertia)
+    moment = rows.signals[MOMENT].T - np.cross(result.r_cg, rows.signals[FORCE].T)
+    return moment - rows.signals[MOTION].T @ (OMEGA_R_OF_ACTING @ result.inertia)
 
 
 def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -> SpectralLine | None:
@@ -252,10 +252,10 @@ def line(signal: Float[np.ndarray, "n k"], rate: float, *, above: float = 0.0) -
         rate: sample rate [Hz].
         above: lowest frequency to look at [Hz].
     """
-    n = len(signal)
-    window = np.hanning(n)
-    spectrum = np.abs(np.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)) ** 2
-    frequency = np.fft.rfftfreq(n, 1 / rate)
+    n = scipy.fft.prev_fast_len(len(signal), real=True)
+    signal, window = signal[:n], np.hanning(n)
+    lines = scipy.fft.rfft((signal - signal.mean(axis=0)) * window[:, None], axis=0)
+    spectrum, frequency = lines.real**2 + lines.imag**2, np.arange(n // 2 + 1) * rate / n
     width = max(len(frequency) // AROUND, 11) | 1
     level = _median_level(spectrum, width)
     usable = (frequency > max(above, 4 * rate / n)) & (frequency < 0.95 * rate / 2)

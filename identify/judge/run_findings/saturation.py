@@ -74,7 +74,8 @@ def saturated(run: Run) -> list[ResidualCause]:
             axis=f"b{axis}", share=count / len(values)
         )
         for quantity, name in QUANTITIES.items()
-        for axis, values in enumerate(getattr(run, quantity)[run.usable].T, 1)
+        for axis, signal in enumerate(getattr(run, quantity).T, 1)
+        for values in [signal if run.missing is None else signal[run.usable]]
         for end in (values.min(), values.max())
         if (count := _at_end(values, end))
     ]
@@ -82,8 +83,10 @@ def saturated(run: Run) -> list[ResidualCause]:
 
 def _at_end(values: Float[np.ndarray, " n"], end: float) -> int:
     """Count of samples that stay at an extreme value; 0: no more than noise or a coarse resolution brings there."""
+    width = ONE_VALUE * max(end - values.min(), values.max() - end)
+    if np.count_nonzero((values >= end - width) & (values <= end + width)) < FLAT:  # as mostly
+        return 0
     away = np.abs(values - end)
-    width = ONE_VALUE * away.max()
     count, beyond = int(np.count_nonzero(away <= width)), away[away > width]
     if count < FLAT or not len(beyond) or np.ptp(beyond) <= width:  # a signal of two values is no clipped one
         return 0

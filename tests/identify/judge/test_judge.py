@@ -10,7 +10,7 @@ import pytest
 from identify.errors.load_cell.filter import FILTER
 from identify.errors.registry import ERRORS
 from identify.exceptions import RunError
-from identify.judge import judged_fits
+from identify.judge import judged_part
 from identify.judge.finding_pages import all_findings
 from identify.judge.run_findings.saturation import saturated
 from identify.results.identification_result import MISFIT
@@ -65,7 +65,7 @@ def test_a_trouble_is_named_and_covered(method, trouble, size, name):
 
 def test_a_long_run_is_judged_by_its_first_part(monkeypatch):
     """The body slips midway, behind the part that is judged."""
-    monkeypatch.setattr(judged_fits, "MOST_PERIODS", 15)
+    monkeypatch.setattr(judged_part, "PERIODS", (15, 15))
     result = identified(measure(3, **TROUBLES["slip"].options(6e-3, 3), **SHORT), "source")
     assert "slip" not in {verdict.cause for verdict in result.consistency}
 

@@ -22,11 +22,22 @@ def test_messages_in_any_order(generator):
     places = np.cumsum([0, *map(len, records)])[:-1].tolist()
     batch = walk(b"".join(records))
     for channel in (1, 2, 3):
-        assert batch.offsets[channel] == [
+        assert batch.offsets[channel].tolist() == [
             place for place, record in zip(places, records, strict=True) if kinds[record] == channel
         ]
     assert batch.others == records.count(ATTACHMENT)
     assert walk(b"").offsets == {}
+
+
+def test_messages_in_turn_are_verified(generator):
+    """A pattern of two sensors' messages that breaks off, is resumed, and stands between definitions."""
+    turn = [A, B, A, LONG, A]
+    records = [*turn * 50, B, B, ATTACHMENT, *turn * 9, LONG, *turn * 30, *[A] * 100, B]
+    places = np.cumsum([0, *map(len, records)])[:-1]
+    batch = walk(b"".join(records))
+    assert batch.others == 1
+    for channel, messages in ((1, (A, LONG)), (2, (B,))):
+        assert batch.offsets[channel].tolist() == places[[record in messages for record in records]].tolist()
 
 
 def test_damage_is_found():

@@ -95,7 +95,7 @@ def run_sums(
         first, last = max(rows[0] - SPLINE - lost, 0), rows[-1] + taken + SPLINE + lost + 1
         part = {name: getattr(run, name)[first:last] for name in ("t", "force", "moment", "omega")}
         block = replace(run, **part, missing=None)
-        fixed_rows = None if fixed is None else fixed[:, start : start + len(rows)]
+        fixed_rows = None if fixed is None else fixed[:, start : start + len(rows)].astype(float)
         for k, (elements, signals) in enumerate(
             delayed_signals(block, up[first:last], rows - first, estimator, delays, begin=run.t[0])
         ):
@@ -178,7 +178,11 @@ def sums_of_signals(
 
 def _in_time(weighed: Float[np.ndarray, "k 3 6"], lines: Lines) -> Float[np.ndarray, "18 n"]:
     """Return rows on the first lines of the cosine transform at each instant, one after the other to bound memory."""
-    return np.stack([lines.samples(column) for column in weighed.reshape(len(weighed), -1).T])
+    columns = weighed.reshape(len(weighed), -1).T
+    rows = np.empty((len(columns), len(lines.order)), np.float32)  # half the memory; sums round to 1e-9
+    for row, column in zip(rows, columns, strict=True):
+        row[:] = lines.samples(column)
+    return rows
 
 
 def measured(sums: RunSums, errors: Errors, wrench_map: Float[Array, "6 functions"]) -> Sums:

@@ -20,6 +20,7 @@ from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.gravity_findings import AttitudeSignal, Source, run_gravity
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
+from identify.judge.judged_part import judged_samples
 from identify.signals.run import Run
 from rig.inspection.channel_health import TopicFinding
 from uq.experiment.experiment import Experiment
@@ -45,10 +46,11 @@ def experiment_findings(
 
 def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free: bool) -> list[Finding]:
     longest = run.longest_segment
-    usable = slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES))
-    time = run.t[usable]
-    if len(time) < 10:
+    if longest.stop - longest.start < 10:
         return []
+    most = min(MOST_SAMPLES, judged_samples(run.band, run.rate))
+    usable = slice(longest.start, min(longest.stop, longest.start + most))
+    time = run.t[usable]
     specific = np.zeros_like(run.omega) if run.specific_force is None else run.specific_force
     recording = experiment.recording
     delay = recording.delay or 0.0 if recording.method == "joint" else 0.0

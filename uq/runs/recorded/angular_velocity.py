@@ -81,8 +81,10 @@ def recorded_attitude(source: ImuChannel | MotionChannel, instants: np.ndarray) 
     quaternion = source.orientation
     if quaternion is None or len(quaternion) < 2:
         return None
+    if max(float(np.ptp(column)) for column in quaternion.T) < TURNS:
+        return None
     norm = np.linalg.norm(np.clip(quaternion, -2, 2), axis=1)  # the square of 1e300 would be no number
-    if not (np.abs(norm - 1) < UNIT).all() or float(np.ptp(quaternion, axis=0).max()) < TURNS:
+    if not (np.abs(norm - 1) < UNIT).all():
         return None
     return RecordedAttitude.of(instants, scipy.spatial.transform.Rotation.from_quat(quaternion).as_matrix())
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from identify.rigid_body.dynamics import moment_about
 from identify.signals.run import RunError
@@ -53,17 +54,18 @@ class DeclaredConventions:
             attitude: rotation of each sample from B to the axes at rest along which the wrench was recorded, (n, 3, 3);
                 None: its axes turn with the body.
         """
-        raw = np.hstack([channel.force, channel.moment]) @ self.calibration.T
-        force = self.sign * self.scales["force"] * raw[:, :3] @ self.wrench_rotation.T
-        moment = self.sign * self.scales["moment"] * raw[:, 3:] @ self.wrench_rotation.T
+        to_body = scipy.linalg.block_diag(*(self.scales[name] * self.wrench_rotation for name in ("force", "moment")))
+        measured = np.concatenate([channel.force.T, channel.moment.T])
+        wrench = (self.sign * to_body @ self.calibration @ measured).T
+        force, moment = wrench[:, :3], wrench[:, 3:]
         if attitude is not None:
             force, moment = (np.einsum("nji,nj->ni", attitude, values) for values in (force, moment))
-        return force, moment_about(moment, force, self.wrench_point)
+        return force, moment_about(moment, force, self.wrench_point) if self.wrench_point.any() else moment
 
     def motion(self, channel: ImuChannel) -> tuple[np.ndarray, np.ndarray]:
         """Return angular velocity and specific force in B."""
-        omega = self.scales["angular_velocity"] * channel.angular_velocity @ self.imu_rotation.T
-        return omega, self.scales["acceleration"] * channel.linear_acceleration @ self.imu_rotation.T
+        rate, acceleration = (self.scales[name] * self.imu_rotation for name in ("angular_velocity", "acceleration"))
+        return (rate @ channel.angular_velocity.T).T, (acceleration @ channel.linear_acceleration.T).T
 
 
 def declared(bag: channels.Recording, recording: RecordingTable) -> DeclaredConventions:

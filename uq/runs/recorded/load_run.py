@@ -227,7 +227,7 @@ def finite_samples(channel: AnyChannel) -> AnyChannel:
     keep, joints = np.ones(len(channel.stamp), bool), bool(getattr(channel, "names", ()))
     for name in ("force", "moment", *NOT_MEASURED):
         values = None if name == "position" and joints else getattr(channel, name, None)
-        finite = True if values is None else np.isfinite(values).all(axis=1)
+        finite = True if values is None or np.isfinite(values).all() else np.isfinite(values).all(axis=1)
         if values is not None and name in NOT_MEASURED and np.mean(finite) < 0.5:
             channel = replace(channel, **{name: np.zeros_like(values)})
         else:
@@ -250,20 +250,22 @@ class _Channels:
     ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
-        raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
-        for signal, values in zip(("wrench", "motion"), raw, strict=True):
-            refuse_excess(signal, values, bag.path.name)
-        if (raw[0] == raw[0][0]).all():
+        if all((column == column[0]).all() for column in (*wrench.force.T, *wrench.moment.T)):
             raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
-        self.motion = np.hstack(rig.motion(imu))
+        of_wrench, of_motion = (wrench.force, wrench.moment), (imu.angular_velocity, imu.linear_acceleration)
+        for signal, parts in (("wrench", of_wrench), ("motion", of_motion)):
+            for values in parts:
+                refuse_excess(signal, values, bag.path.name)
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
-            *(self._sift(*channel) for channel in zip(raw, seconds, flagged, strict=True)), strict=True
+            *(self._sift(*channel) for channel in zip((of_wrench, of_motion), seconds, flagged, strict=True)),
+            strict=True,
         )
+        usable = [slice(None) if keep.all() else keep for keep in usable]  # nothing is copied
         self.t_wrench, self.t_imu = (t[keep] for t, keep in zip(seconds, usable, strict=True))
         turning = None if turning is None else turning[usable[0]]
-        self.wrench = np.hstack(rig.wrench(unfiltered(wrench.taken(usable[0]), self.t_wrench, rig), turning))
-        self.motion = self.motion[usable[1]]
+        self.force, self.moment = rig.wrench(unfiltered(wrench.taken(usable[0]), self.t_wrench, rig), turning)
+        self.omega, self.specific_force = rig.motion(imu.taken(usable[1]))
         if rig.accelerometer_delay and len(self.t_imu) > 1 and (np.diff(self.t_imu) > 0).all():
             self._advance(rig.accelerometer_delay)
 
@@ -271,11 +273,13 @@ class _Channels:
         """Take the specific force so much later [s] than the angular velocity, where both are known."""
         later = self.t_imu + delay
         known = (later >= self.t_imu[0]) & (later <= self.t_imu[-1])
-        specific = interpolate(self.t_imu, self.motion[:, 3:], later[known])
-        self.t_imu, self.motion = self.t_imu[known], np.hstack([self.motion[known, :3], specific])
+        self.specific_force = interpolate(self.t_imu, self.specific_force, later[known])
+        self.t_imu, self.omega = self.t_imu[known], self.omega[known]
 
-    def _sift(self, values: np.ndarray, t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _sift(self, parts: tuple[np.ndarray, ...], t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the mask of the samples of a sensor to keep, and the instants near which nothing must be used."""
+        # the components lie together: what looks for samples looks at one after the other
+        values = np.concatenate([part.T for part in parts]).T
         slower, frozen = repeats(values)
         clipped = saturated(values)
         for reason, flags in (("held", slower | frozen), ("saturated", clipped), ("overrange", flagged)):
@@ -294,16 +298,16 @@ class _Channels:
 
     def run(self) -> Run:
         """The two at common instants."""
-        accelerates = bool(self.motion[:, 3:].any())
+        accelerates = bool(self.specific_force.any())
         run = Run.from_channels(
             self.t_wrench,
-            self.wrench[:, :3],
-            self.wrench[:, 3:],
+            self.force,
+            self.moment,
             self.t_imu,
-            self.motion[:, :3],
+            self.omega,
             name=self.bag.path.name,
             sha256=self.bag.sha256,
-            specific_force=self.motion[:, 3:] if accelerates else None,
+            specific_force=self.specific_force if accelerates else None,
             bad=self.bad,
         )
         return replace(
@@ -339,9 +343,11 @@ def _check_rates(channels: _Channels, band: float | None) -> None:
         return
     rates = [1 / step for step in intervals]
     slow, fast = int(np.argmin(rates)), int(np.argmax(rates))
-    if not rates[fast] > UNEQUAL * rates[slow] or not np.isfinite(channels.wrench).all():
+    if not rates[fast] > UNEQUAL * rates[slow] or not all(
+        np.isfinite(part).all() for part in (channels.force, channels.moment)
+    ):
         return
-    signal = channels.wrench[:, 3:] if fast == 0 else channels.motion[:, :3]
+    signal = channels.moment if fast == 0 else channels.omega
     reached = max(band or 0.0, occupied_band(signal, rates[fast]))
     if reached > rates[slow] / 2:
         raise RunError(

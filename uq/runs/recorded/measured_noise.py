@@ -23,6 +23,8 @@ ABOVE = 3.0
 """The level is taken above the motion's band by this factor: products of the motion reach to twice it."""
 BELOW = 0.35
 """Part of the Nyquist frequency below which the level is taken: the filter that brings rates together ends above it."""
+MOST_SAMPLES = 2**18
+"""Samples that tell the noise: its level within a hundredth."""
 FEWEST = 16
 """Frequencies that must be left."""
 
@@ -57,7 +59,8 @@ def declared_level(sources: Sequence[Source], target: str, rate: float) -> Float
 
 def noise_warnings(run: Run, sources: Sequence[Source]) -> list[str]:
     """Return a line for each channel whose noise is far from what its sources declare."""
-    segment = run.longest_segment
+    longest = run.longest_segment
+    segment = slice(longest.start, min(longest.stop, longest.start + MOST_SAMPLES))
     warnings = []
     cell, imu = run.sensor_rates or (run.rate, run.rate)
     channels = zip(SIGNALS, (run.force, run.moment, run.omega), (cell, cell, imu), strict=True)
