@@ -74,22 +74,27 @@ class Certificate(Result):
 
     @cached_property
     def _front(self) -> Front:
-        return front(self.report, self.identification.provenance, len(self.tables()))
+        signed = 1 + len(self._values())
+        return front(self.report, self.identification.provenance, signed)
 
     def title(self) -> str:
         """Return the identification's."""
         return self.identification.title()
 
     def tables(self) -> list[Table]:
-        """Return tensor, principal moments, mass and centre, conformity; narrow tables together, to fit one page."""
-        result, report = self.identification, self.report
+        """Return tensor, mass and centre, principal moments; behind the signature, conformity and u by origin."""
+        result = self.identification
         return [
             tables.tensor(result, self.tensor),
+            *self._values(),
+            *tables.conformity(self.report, self.decisions),
             *tables.origins(result),
-            *tables.principal(result, self.tensor),
-            tables.mass_and_centre(result, report),
-            *tables.conformity(report, self.decisions),
         ]
+
+    def _values(self) -> list[Table]:
+        """The tables that stand between tensor and signature: few rows, so that a page always holds them."""
+        result = self.identification
+        return [tables.mass_and_centre(result, self.report), *tables.principal(result, self.tensor)]
 
     def overview(self) -> list[Table]:
         """Return the identification's, and conformity with a specification."""

@@ -278,7 +278,10 @@ ORIGIN_NOTE = (
     "measured: type A, from the runs; declared: sources; model misfit: what the runs contradict; typical: undeclared "
     "errors, which the bound alone holds."
 )
-PRINCIPAL_NOTE = "turn, deg: standard uncertainty of the rotation of the other two axes about this one."
+PRINCIPAL_NOTE = (
+    "turn, deg: how well the directions of the two other axes are known, as the standard uncertainty of their angle "
+    "about this one."
+)
 CONFORMITY_NOTE = (
     "By the conventional bound. probability within: that the value lies within the limits, from a normal distribution "
     "of its u, undeclared errors at typical size in it; –: these are not known."
