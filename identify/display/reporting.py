@@ -128,6 +128,8 @@ class Section:
     """Paragraphs on what was computed."""
     findings: Sequence[str] = ()
     """Findings that a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    not_stated: Sequence[str] = ()
+    """What nobody has declared or stated, which takes a certificate's tick away, but is no warning."""
     tables: Sequence[Table] = ()
     drawings: Sequence[Drawing] = ()
     details: Sequence[Table] = ()

@@ -17,8 +17,23 @@ from tests.helpers.pose_lab import series
 from tests.helpers.small_campaign import campaign
 from tests.helpers.weighing import Weighed, weighing
 from uq.analysis.propagation.law_of_propagation import propagate
+from uq.report.figures.style import legend_above, stacked
 from uq.report.views import VIEWS
 from uq.sources.distributions import Normal
+
+
+def test_a_legend_is_read_row_by_row_and_names_what_is_seen():
+    """In the order of the bars; a part thinner than a line is in the tables alone."""
+    figure = Figure(figsize=(3.5, 2), layout="constrained")
+    parts = [(f"the source {k}", "#0072B2", np.array([share])) for k, share in enumerate((40.0, 30.0, 20.0, 9.9, 0.1))]
+    stacked(figure.subplots(), parts, 0.7)
+    legend_above(figure)
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    places = {text.get_text(): text.get_window_extent() for text in legend.get_texts()}
+    rows = sorted(places, key=lambda name: (-round(places[name].y0), places[name].x0))
+    assert len({round(place.y0) for place in places.values()}) == 2
+    assert rows == [f"the source {k}" for k in range(4)]
 
 
 @pytest.fixture

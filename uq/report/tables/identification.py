@@ -280,7 +280,7 @@ def two_digits(value: float, signed: bool = False) -> str:
 
 
 def drawings(result: Identification) -> list[Drawing]:
-    """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
+    """Return budget, moment, residuals, coverage of the sphere, runs, and the parts of them that counted."""
     runs, parts, largest = result.runs, result.contributions, largest_residuals(result.runs)
     paths = measured_directions.motion(runs)
     shown = []
@@ -288,6 +288,7 @@ def drawings(result: Identification) -> list[Drawing]:
         shown.append(drawing("budget", BUDGET, "identification.shares", parts, result.standard_uncertainty))
     if largest:
         few = f" The {MOST_DRAWN} runs with the largest residuals of {len(runs)}." if len(largest) < len(runs) else ""
+        shown.append(drawing("moment", f"{MOMENTS}{few}", "identification.moments", largest))
         shown.append(drawing("residuals", f"{RESIDUALS}{few}", "identification.residuals", largest))
     if paths is not None:
         caption = _coverage_caption(*paths, result.covariance)
@@ -339,6 +340,10 @@ def section(result: Identification) -> Section:
 INTERVALS_HOLD = "The 95 % intervals hold if the assumptions below do"
 RUNS = "Each component: each run alone, and all together."
 BUDGET = "Contributions to each component's variance: what the runs show (type A) and what is declared (type B)."
+MOMENTS = (
+    "Moment about the centre of gravity in the middle of each run: measured, less the offset, and predicted by the "
+    "tensor; force and moment of runs that the tensor has not seen: --validate."
+)
 RESIDUALS = (
     "What the fit leaves of the moment about the centre of gravity: over time, and as amplitude density beside that of "
     "the moment itself."

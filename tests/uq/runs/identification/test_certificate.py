@@ -8,9 +8,11 @@ import subprocess
 import tomllib
 from statistics import NormalDist
 
+import jax
 import numpy as np
 import pytest
 
+from identify import omega_r
 from identify.display.rounding import concise
 from identify.estimation.joint.prior_departure import declaration
 from identify.least_squares.admissible_tensor import Admissible
@@ -244,6 +246,24 @@ def test_nothing_passes_while_items_are_not_stated(plain):
     )
 
 
+def sign(html):
+    """The class of the verdict: that of a tick is empty."""
+    return re.search(r'<p class="verdict ?(\w*)">', html)[1]
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_no_warning_sign_stands_on_good_news(plain, full):
+    """What is not stated or not declared takes the tick away, and adds no sign of warning: nobody did anything wrong."""
+    sound = dataclasses.replace(declared(full), warnings=(), pooling=None)
+    assert sign(report(sound)) == ""
+    for result in (reported(sound), declared(sound, 0.5)):
+        page = report(result)
+        assert sign(page) == "open"
+        assert "Attention" not in result_of(page)
+        assert "for attention" not in result_of(page)
+    assert sign(report(dataclasses.replace(sound, warnings=("a clock jumped",)))) == "attention"
+
+
 @pytest.mark.usefixtures("blank_pictures")
 def test_the_first_page_has_interval_and_bound_and_u_by_origin(plain):
     """U is of what is measured and declared; beside it the bound that typical errors widen by twice their u, in squares."""
@@ -305,6 +325,22 @@ def test_every_item_stands_on_the_page_and_nothing_is_lost(full):
     assert {"script", "link"}.isdisjoint(page.tags)
     assert all(page.values("aria-label"))
     assert [row[3] for row in of_tensor(full, factor=2.0).rows(1e3)] == ["2.00"] * 6
+
+
+def test_measured_and_predicted_moment_stand_over_one_another(plain):
+    """Of each run and axis. The prediction is Newton and Euler's moment of the true tensor, within the tensor's u."""
+    panels = plain.figures()["moment"].axes
+    assert [axes.get_title(loc="left") for axes in panels[:3]] == ["run-0.mcap, M1", "M2", "M3"]
+    assert len(panels) == 3 * len(plain.runs)
+    true = Experiment.from_dict(tomllib.loads(T1))
+    motion = true.motion("T1")
+    moment = np.asarray(jax.vmap(omega_r)(motion.omega, motion.alpha) @ true.body.inertia)
+    for k, axes in enumerate(panels[:3]):
+        measured, predicted = axes.get_lines()
+        assert [measured.get_label(), predicted.get_label()] == ["measured", "predicted"]
+        exact = np.interp(predicted.get_xdata(), motion.t, moment[:, k])
+        assert np.std(predicted.get_ydata() - exact) < 0.03  # N·m: twice 3.5 g·m² times 4 rad/s²
+        assert np.std(measured.get_ydata() - exact) == pytest.approx(float(plain.runs[0].residual[k]), rel=0.2)
 
 
 def test_figures_of_runs_have_whole_numbers_and_labels_apart(plain):
