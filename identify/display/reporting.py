@@ -254,6 +254,15 @@ class Result(Shown):
         """Return its part of a report."""
         return self._shown("section", section_of)
 
+    def summary(self) -> str:
+        """Return the answer in short: title, verdict, and the tables at the top of the report, as text.
+
+        Example: ``print(montecarlo(Experiment.load("barreto2016"), trials=100).summary())``.
+        """
+        section, title = self.section(), self.title()
+        parts = [title or section.title, section.verdict, *map(repr, section.tables[: section.headline])]
+        return "\n".join(filter(None, parts))
+
     def to_dict(self) -> dict[str, Any]:
         """Return its content as JSON takes it: arrays as lists, what is not finite as None."""
         return {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self) if f.compare}  # type: ignore[arg-type]

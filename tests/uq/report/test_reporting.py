@@ -94,6 +94,16 @@ def test_no_result_shows_itself_in_a_way_of_its_own():
         assert kind.records is not Result.records, kind
 
 
+def test_a_summary_is_title_verdict_and_first_tables(weighed):
+    """Of every result: `Result.summary` alone writes it."""
+    result = campaign()
+    title, verdict, caption, *rows = result.summary().splitlines()
+    assert (title, verdict) == (result.title(), result.section().verdict)
+    assert "\n".join([caption, *rows]) == repr(result.section().tables[0])
+    assert weighed.summary() == f"{weighed.title()}\n{weighed.tables()[0]}"
+    assert all(kind.summary is Result.summary for kind in results())
+
+
 def test_every_registered_view_is_of_a_type_that_there_is():
     for name in VIEWS:
         kind = pkgutil.resolve_name(name)
