@@ -129,7 +129,7 @@ class Section:
     findings: Sequence[str] = ()
     """Findings that a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
     not_stated: Sequence[str] = ()
-    """What nobody has declared or stated, which takes a certificate's tick away, but is no warning."""
+    """Items that nobody has declared or stated, which take a certificate's tick away, but are no warnings."""
     tables: Sequence[Table] = ()
     drawings: Sequence[Drawing] = ()
     details: Sequence[Table] = ()

@@ -288,7 +288,7 @@ class Stretch(NamedTuple):
     """A short stretch of a run: measured and predicted moment about the centre of gravity, less the offsets."""
 
     t: Float[np.ndarray, " s"]
-    """Instants [s]."""
+    """Instants of the samples, from the run's start [s]."""
     measured: Float[np.ndarray, "s 3"]
     """Moment ``M - r × F`` on each axis [N·m]."""
     predicted: Float[np.ndarray, "s 3"]

@@ -219,7 +219,7 @@ def _described(source: Source, entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_written(source: Source, entry: Mapping[str, Any]) -> tuple[str, float, str] | None:
-    """What the file says of a source's size, with number and unit; None: it says none in a line."""
+    """Key, number and unit of a source's size as its file states it; None: no number and unit stand there."""
     key = next((key for key in (*WRITTEN, *source.error_kind.sizes) if key in entry), "")
     texts = np.ravel(entry.get(key, ()))
     sizes = np.ravel(np.abs(source.sigma))
