@@ -16,7 +16,7 @@ from identify.display.rounding import (
     significant,
     with_uncertainty,
 )
-from identify.display.text_tables import Table, sentence
+from identify.display.text_tables import Table, counted, sentence
 from identify.least_squares import offsets
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
@@ -48,7 +48,7 @@ Choice: the estimate is singular there.
 
 def title(result: Identification) -> str:
     """Return quantity, runs and estimator in one line."""
-    runs = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    runs = counted(len(result.runs), "run")
     return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{result.estimator.name}'"
 
 
@@ -223,7 +223,7 @@ def _used(runs: Sequence[RunEstimate]) -> Iterator[str]:
     """Parts that were used and samples that were left out, a text for each run of which not all was used."""
     for run in runs:
         segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in run.segments)
-        out = ", ".join(f"{count:,} samples {reason}" for reason, count in run.left_out.items() if count)
+        out = ", ".join(f"{counted(count, 'sample')} {reason}" for reason, count in run.left_out.items() if count)
         how = ", found where it moves" if run.detected else ""
         words = [f"used from {segments}{how}"] * bool(segments) + [f"left out: {out}"] * bool(out)
         if words:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from identify.display.reporting import Drawing, Section, section_of, stem
-from identify.display.text_tables import Table
+from identify.display.text_tables import Table, counted
 from identify.rigid_body.inertia import COMPONENTS
 from uq.monte_carlo.campaign.statistics import large_mean_error
 from uq.monte_carlo.campaign.sweep import SweepResult
@@ -16,7 +16,7 @@ from uq.report.tables.cases import PAIR, case_table, rows_of, verdict_of_biased
 def title(result: SweepResult) -> str:
     """Return what the tables are of."""
     first = next(iter(result.campaigns.values()))
-    return f"Sweep, {first.trials:,} trials a value, seed {first.seed}"
+    return f"Sweep, {counted(first.trials, 'trial')} a value, seed {first.seed}"
 
 
 def tables(result: SweepResult) -> list[Table]:
