@@ -81,7 +81,9 @@ def keys(which: str) -> str:
             required = key in table.get("required", [])
             needed = "" if required == (which == "result") else " **Required.**" if required else " May be missing."
             default = f" Default: `{json.dumps(value['default'])}`." if "default" in value else ""
-            meaning = _escaped(value.get("description", ""))
+            meaning = _escaped(
+                re.sub(r" ?With its unit, such as .*?\"\.", "", value.get("description", ""))
+            )  # see _type
             cells = (f"`{key}`", _type(value, definitions), meaning + needed + default)
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         lines.append("")

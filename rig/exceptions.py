@@ -53,6 +53,11 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(shown) + more
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless it is one: ``1 gap``, ``1,200 samples``."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def choose(name: str, choices: Iterable[str]) -> str:
     """Return which of some names to write instead of an unknown one, the nearest first."""
     names = list(choices)

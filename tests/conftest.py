@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 
 from tests.helpers import checked_calls  # noqa: F401  before what it checks is imported
-from tests.helpers.driven_browser import NO_AXE, NO_CHROMIUM
+from tests.helpers.driven_browser import WANTING
 from uq.files.compilation_cache import keep_compiled
 
 if "PYTEST_XDIST_WORKER" not in os.environ:  # whoever starts the others: what one compiles, none compiles again
@@ -75,7 +75,7 @@ def pytest_sessionfinish(session):
         report.longrepr[2].removeprefix("Skipped: ")
         for report in (reporter.stats if reporter else {}).get("skipped", ())
     ]
-    wanting = [reason for reason in skipped if reason in (NO_CHROMIUM, NO_AXE)]
+    wanting = [reason for reason in skipped if reason in WANTING]
     if wanting:
         cures = "; ".join(sorted(set(wanting)))
         reporter.write_line(f"{len(wanting)} tests of pages were skipped for want of a browser ({cures})", yellow=True)

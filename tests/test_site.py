@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers.driven_browser import Browser, needs_axe, needs_chromium
+from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium
 from uq.cli.main import COMMANDS
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -103,6 +103,23 @@ def test_axe_core_objects_to_nothing(site, tmp_path):
                 for dark in (False, True):
                     browser.show(width, dark=dark)
                     assert browser.violations() == [], (page, width, dark)
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_no_page_moves_sideways_on_a_phone(site, tmp_path):
+    """What is too wide, such as a table, moves by itself; Furo's content does what a page's root does elsewhere."""
+    with Browser(tmp_path, "") as browser:
+        wide = {}
+        for name in site[1]:
+            browser.load((site[0] / name).as_uri())
+            browser.show(PHONE)
+            wide[name] = browser.run(
+                "Math.max(...['html', '.content'].flatMap((part) => [...document.querySelectorAll(part)])"
+                ".map((part) => part.scrollWidth))"
+            )
+    assert len(wide) > 50
+    assert {name: width for name, width in wide.items() if width > PHONE} == {}
 
 
 @pytest.mark.slow

@@ -1,8 +1,5 @@
-"""Draws docs/figures/frames.svg: the frames and points of a recorded rig."""
+"""The frames and points of a recorded rig: docs/figures/frames.svg, drawn by gallery.py."""
 
-from pathlib import Path
-
-import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, FancyArrowPatch, FancyBboxPatch, Rectangle
 
@@ -65,8 +62,3 @@ def draw():
         axes.text(10.35, 7.35 - 0.95 * k, key, fontsize=7.5, color=color, family="monospace")
     axes.text(0.3, 0.55, "M_Q = M_P + wrench_point × F        body = rotation · sensor", fontsize=9, color=INK)
     return figure
-
-
-if __name__ == "__main__":
-    with matplotlib.rc_context({"svg.hashsalt": "inertia-uq", "svg.fonttype": "path"}):
-        draw().savefig(Path(__file__).with_suffix(".svg"), metadata={"Date": None})

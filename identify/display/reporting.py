@@ -128,6 +128,8 @@ class Section:
     """Paragraphs on what was computed."""
     findings: Sequence[str] = ()
     """Findings that a reader must not miss: warnings, failures, mean errors beyond the dispersion."""
+    not_stated: Sequence[str] = ()
+    """Items that nobody has declared or stated, which take a certificate's tick away, but are no warnings."""
     tables: Sequence[Table] = ()
     drawings: Sequence[Drawing] = ()
     details: Sequence[Table] = ()
@@ -251,6 +253,15 @@ class Result(Shown):
     def section(self) -> Section:
         """Return its part of a report."""
         return self._shown("section", section_of)
+
+    def summary(self) -> str:
+        """Return the answer in short: title, verdict, and the tables at the top of the report, as text.
+
+        Example: ``print(montecarlo(Experiment.load("barreto2016"), trials=100).summary())``.
+        """
+        section, title = self.section(), self.title()
+        parts = [title or section.title, section.verdict, *map(repr, section.tables[: section.headline])]
+        return "\n".join(filter(None, parts))
 
     def to_dict(self) -> dict[str, Any]:
         """Return its content as JSON takes it: arrays as lists, what is not finite as None."""

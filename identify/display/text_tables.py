@@ -146,6 +146,11 @@ def enumerated(words: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless it is one: ``1 gap``, ``1,200 samples``."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
 def sentence(text: str) -> str:
     """Return a text with a capital and a full stop."""
     return f"{text[0].upper()}{text[1:]}."

@@ -292,12 +292,25 @@ BINS = 300
 """Most segments of time, and most frequencies."""
 POINTS = 1500
 """Most samples of the motion."""
+DRAWN = 5.0
+"""Seconds of a run whose moment is drawn over time."""
 SEGMENTS = 8
 """Segments over which a spectrum is averaged, at least."""
 LONGEST = 4096
 """Most samples in a segment of a spectrum."""
 DRAWN = 2**18
 """Most samples that a spectrum is from: 64 segments are smooth."""
+
+
+class Stretch(NamedTuple):
+    """A short stretch of a run: measured and predicted moment about the centre of gravity, less the offsets."""
+
+    t: Float[np.ndarray, " s"]
+    """Instants of the samples, from the run's start [s]."""
+    measured: Float[np.ndarray, "s 3"]
+    """Moment ``M - r × F`` on each axis [N·m]."""
+    predicted: Float[np.ndarray, "s 3"]
+    """Moment ``Ω I`` of the estimate [N·m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,6 +333,7 @@ class Trace:
     """Angular velocity in B [rad/s]."""
     alpha: Float[np.ndarray, "p 3"]
     """Angular acceleration in B [rad/s²], at the same instants."""
+    stretch: Stretch
 
 
 def trace(
@@ -350,7 +364,16 @@ def trace(
     return Trace(
         t=middle, low=low, high=high, frequency=frequency, residual_density=densities, moment_density=moment_density,
         omega=motion[:, :3], alpha=motion[:, 3:],
+        stretch=_stretch(t[segment], moment[segment], residuals[segment]),
     )  # fmt: skip
+
+
+def _stretch(t: np.ndarray, moment: np.ndarray, residuals: np.ndarray) -> Stretch:
+    """The middle ``DRAWN`` seconds of a segment."""
+    middle = (t[0] + t[-1]) / 2
+    first, last = np.searchsorted(t, [middle - DRAWN / 2, middle + DRAWN / 2])
+    signals = thinned(np.hstack([t[:, None], moment, moment - residuals])[first : last + 1])
+    return Stretch(signals[:, 0], signals[:, 1:4], signals[:, 4:])
 
 
 def thinned(signals: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "p k"]:

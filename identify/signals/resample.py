@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from identify.display.text_tables import counted
 from identify.exceptions import RunError
 from identify.signals.filters import apply, lowpass
 
@@ -182,8 +183,8 @@ def gaps(channel: str, t: np.ndarray) -> tuple[str, ...]:
     if not wide.any():
         return ()
     return (
-        f"{int(wide.sum())} gaps in the {channel}, the longest {steps.max():.3g} s at {t[np.argmax(steps)]:.6g} s, "
-        "left out",
+        f"{counted(int(wide.sum()), 'gap')} in the {channel}, the longest {steps.max():.3g} s at "
+        f"{t[np.argmax(steps)]:.6g} s, left out",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.channels import ImuChannel, RecordedChannel, WrenchChannel
+from rig.exceptions import counted
 from rig.record import device_clock
 
 SensorChannel = WrenchChannel | ImuChannel
@@ -45,7 +46,7 @@ def channel_findings(channel: SensorChannel, skew: float) -> list[TopicFinding]:
 
 def _suspicions(channel: SensorChannel, skew: float) -> Suspicions:
     if len(channel.stamp) < LEAST_SAMPLES:
-        yield "short", f"only {len(channel.stamp)} samples: record longer"
+        yield "short", f"only {counted(len(channel.stamp), 'sample')}: record longer"
         return
     if together := device_clock.bunches(channel.stamp):
         yield "bunches", together.cure(rate_key(channel))
@@ -86,12 +87,15 @@ def _gaps(channel: SensorChannel) -> Suspicions:
     if len(wide):
         worst = wide[np.argmax(steps[wide])]
         after = (channel.stamp[worst] - channel.stamp[0]) * 1e-9
-        yield "gap", f"{len(wide)} gaps, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out"
+        yield (
+            "gap",
+            f"{counted(len(wide), 'gap')}, the longest {steps[worst]:.3f} s at {after:.3f} s: leave that time out",
+        )
     if sequence is not None and len(sequence) > 1 and sequence[-1] > sequence[0] and not len(wide):
-        counted = np.diff(sequence.astype(np.int64))
-        missing = int((counted[(counted > 1) & (counted < 2**16)] - 1).sum())
-        if missing and counted.min() > 0:
-            yield "gap", f"{missing} samples missing by the device's counter: check the cable"
+        increments = np.diff(sequence.astype(np.int64))
+        missing = int((increments[(increments > 1) & (increments < 2**16)] - 1).sum())
+        if missing and increments.min() > 0:
+            yield "gap", f"{counted(missing, 'sample')} missing by the device's counter: check the cable"
 
 
 def _later_for_good(time: NDArray[np.float64], period: float, wide: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -133,7 +137,7 @@ def _finite(name: str, values: NDArray[np.float64]) -> Suspicions:
         share = "throughout" if count == samples else f"in {count} of {samples} samples"
         yield "not finite", f"{which} is no finite number {share}: {cure}"
     elif count:
-        yield "not finite", f"{name} is not a number in {count} samples: they are left out"
+        yield "not finite", f"{name} is not a number in {counted(count, 'sample')}: left out"
 
 
 LARGEST_READING = 1e12  # in any unit, far beyond any sensor; `identify` refuses more
@@ -143,7 +147,7 @@ def _excess(name: str, values: NDArray[np.float64]) -> Suspicions:
     size = np.abs(values).max(axis=1)
     wild = np.isfinite(size) & (size > LARGEST_READING)
     if wild.any():
-        reached = f"{size[wild].max():.1e}, which no sensor can read, in {int(wild.sum())} samples"
+        reached = f"{size[wild].max():.1e}, which no sensor can read, in {counted(int(wild.sum()), 'sample')}"
         yield "excess", f"{name} reaches {reached}: leave them out"
 
 

@@ -19,11 +19,11 @@ globalThis.model = {
 """
 
 
-def widget_page(law):
-    """The widget with a model that stands in for the kernel's, which is ``model`` in the page."""
+def widget_page(law, state=None):
+    """The widget with a model that stands in for the kernel's, which is ``model`` in the page, as an export has it, too."""
     script = SCRIPT.replace("export default {", "const widget = {")
     run = "globalThis.evaluate = evaluate;\nwidget.render({ model, el: document.querySelector('main') });"
-    model = MODEL.replace("LAW", json.dumps(law))
+    model = MODEL.replace("LAW", json.dumps(law)).replace("state: {}", f"state: {json.dumps(state or {})}")
     return f"{HEAD}<main></main><script type=module>{script}\n{model}\n{run}</script>"
 
 

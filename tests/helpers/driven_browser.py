@@ -11,8 +11,12 @@ from pathlib import Path
 import pytest
 
 NO_CHROMIUM, NO_AXE = "no chromium: apt-get install chromium", "no axe-core: make axe-core"
+NO_POPPLER = "no pdftotext: apt-get install poppler-utils"
+WANTING = (NO_CHROMIUM, NO_AXE, NO_POPPLER)
 # a page is laid out and its script run by a browser alone; .ci/run installs it, and the last line of a run counts these
 needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason=NO_CHROMIUM)
+# what stands on a printed page is read by Poppler, a package of the same system as the browser
+needs_poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason=NO_POPPLER)
 PHONE, DESK = 390, 1400  # widths in pixels
 AXE = Path(__file__).parents[2] / "out" / "axe" / "node_modules" / "axe-core" / "axe.min.js"
 # the judge of accessibility comes by npm, which is no package of the environment; counted in the same way
@@ -107,6 +111,11 @@ class Browser:
         self.call("Page.navigate", url=url)
         while self.run("[document.URL, document.readyState]") != [url, "complete"]:
             pass
+
+    def show_page(self, html):
+        """Show another page in place of this."""
+        frame = self.call("Page.getFrameTree")["frameTree"]["frame"]["id"]
+        self.call("Page.setDocumentContent", frameId=frame, html=html)
 
     def show(self, width, *, dark=False):
         """Show the page on a screen of this width."""

@@ -10,7 +10,7 @@ from uq.cli.terminal.command_parser import CommandParser
 
 def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.value("names", "NAME", "examples to copy; without names, or without -o, they are listed", nargs="*")
+    parser.value("names", "NAME", "examples to copy; without a name and without -o they are listed", nargs="*")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder to copy to (here); without a name: all examples")
 
 

@@ -1,10 +1,13 @@
 """``inertia montecarlo``: any body, platform, sensors and trajectory."""
 
 import argparse
+from collections.abc import Collection
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from identify.display.reporting import Result
+from rig.exceptions import choose, quoted
 from uq.analysis.propagation.experiment_law import law
 from uq.analysis.propagation.law_result import LawResult
 from uq.analysis.propagation.law_validation import validate_law
@@ -56,6 +59,11 @@ def configure(parser: CommandParser) -> None:
         "source.M_bias.sigma='0.01 N*m:0.1 N*m:10', or at values with commas between them; repeatable",
         action="append",
     )  # fmt: skip
+    parser.value(
+        "--against", "NAME",
+        "3σ of each motion over that of this one, by component, from the same draws, which tell small differences; "
+        "with --sweep: of each value over that at this one",
+    )  # fmt: skip
     add_without_option(parser)
     add_cluster_options(parser)
 
@@ -79,6 +87,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
     loaded = Experiment.load_bodies(arguments.experiment)
     experiments = {name: experiment.without_source(*arguments.without) for name, experiment in loaded.items()}
+    for experiment in experiments.values():
+        _check_against(arguments.against, arguments.trajectory or experiment.trajectories)
     folders = {name: None if arguments.out is None else Path(arguments.out, name) for name in experiments}
     checkpoints = {name: checkpoint_in(folder) for name, folder in folders.items()}
     laws = {name: _law(arguments, name, experiment) for name, experiment in experiments.items() if arguments.law}
@@ -94,7 +104,9 @@ def _run(arguments: argparse.Namespace, goal: Goal | None, speaks: bool) -> int:
         results: dict[str, list[Result]] = {}
         for name, campaign in campaigns.items():
             by_law = [laws[name]] if name in laws else []
-            results[name] = [campaign, *budgets[name], *(validate_law(prediction, campaign) for prediction in by_law)]
+            beside = [] if arguments.against is None else [campaign.against(arguments.against)]
+            checked = [validate_law(prediction, campaign) for prediction in by_law]
+            results[name] = [campaign, *beside, *budgets[name], *checked]
             keep(folders[name], *results[name], *by_law)
         for checkpoint in checkpoints.values():
             if checkpoint is not None:
@@ -112,6 +124,8 @@ def _swept(arguments: argparse.Namespace) -> int:
         if getattr(arguments, option):
             raise ExperimentError(f"--{option} is of one campaign: leave it out with --sweep")
     values = dict(map(swept_values, arguments.sweep))
+    keys = {", ".join(key): key for key in product(*values.values())}
+    _check_against(arguments.against, keys)
     experiment = Experiment.load(arguments.experiment).without_source(*arguments.without)
     with output_folder(arguments.out) as out:
         with TerminalBar() as bar:
@@ -119,8 +133,16 @@ def _swept(arguments: argparse.Namespace) -> int:
                 experiment, values, trials=arguments.trials, **_choices(arguments), plan=_plan(arguments),
                 options=RunOptions(progress=bar),
             )  # fmt: skip
-        finish(result, out)
+        finish(result, out, *([] if arguments.against is None else [result.against(keys[arguments.against])]))
     return 0
+
+
+def _check_against(name: str | None, names: Collection[str]) -> None:
+    """Refuse a name that no case has, and a lone case."""
+    if name is not None and name not in names:
+        raise ExperimentError(f"--against is {quoted(name)}: {choose(name, names)}")
+    if name is not None and len(names) < 2:
+        raise ExperimentError(f"--against {name} has nothing beside it: give another --trajectory, or --sweep")
 
 
 def _plan(arguments: argparse.Namespace, goal: Goal | None = None) -> SamplingPlan:

@@ -72,11 +72,13 @@ def joined(first: Section, *others: Section) -> Section:
     """Return one section with the content of several; title and front stand as the first has them."""
     sections = (first, *others)
     parts: dict[str, Any] = {}
-    for name in ("computed", "findings", "tables", "drawings", "details", "adjustable", "assumptions"):
+    for name in ("computed", "findings", "not_stated", "tables", "drawings", "details", "adjustable", "assumptions"):
         items = [item for section in sections for item in getattr(section, name)]
         parts[name] = [item for k, item in enumerate(items) if item not in items[:k]]
     names = [drawing.name for drawing in parts["drawings"]]
     parts["drawings"] = [drawing for k, drawing in enumerate(parts["drawings"]) if names[k] not in names[:k]]
+    if first.verdict and parts["findings"] and not first.findings:
+        parts["verdict"] = f"{VERDICTS[True]} {first.verdict}"
     if others:
         parts["provenance"] = {**first.provenance, "others": [section.provenance for section in others]}
     return replace(first, **parts)
@@ -182,7 +184,9 @@ def _scrolls(table: Table) -> bool:
 
 def _words(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name}: {item}" for name, item in value.items())
+        return ", ".join(f"{name}: {_words(item)}" for name, item in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_words, value))
     return "–" if value is None else str(value)
 
 

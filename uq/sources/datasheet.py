@@ -56,13 +56,28 @@ def datasheet(
     """
     if not isinstance(text, str):
         raise UnitError(f"is {quoted(text)}: write a statement such as {EXAMPLES}")
+    figure, remarks = _parts(text)
+    return _meaning(text, _half_width(text, figure, unit, full_scale, reading), remarks)
+
+
+def stated_figure(text: str) -> tuple[float, str]:
+    """Return the number of a statement that :func:`datasheet` takes, and the words behind it.
+
+    Example: ``stated_figure("accuracy ±0.5 % FS, k = 2")`` is ``(0.5, "% FS, k = 2")``.
+    """
+    figure, remarks = _parts(text)
+    number = re.match(NUMBER, figure)
+    return float(number[0]), ", ".join([figure[number.end() :].strip(), *remarks])  # type: ignore[index, union-attr]
+
+
+def _parts(text: str) -> tuple[str, list[str]]:
+    """The figure of a statement without the words before it, and the remarks beside it."""
     figure, *remarks = (part.strip() for part in re.split(r"[,;()]", text) if part.strip() or not text.strip())
     for words in (r"\d\s*(?:σ|sigma)", "rms", "resolution", "standard (?:uncertainty|deviation)"):
         if remark := re.search(rf"(?<!\w){words}(?!\w)", figure, re.I):  # also beside the figure
             remarks.append(remark[0])
             figure = (figure[: remark.start()] + figure[remark.end() :]).strip(" =:")
-    half_width = _half_width(text, WORDS.sub("", figure, count=1), unit, full_scale, reading)
-    return _meaning(text, half_width, remarks)
+    return WORDS.sub("", figure, count=1), remarks
 
 
 def _half_width(text: str, figure: str, unit: str, full_scale: float | None, reading: float | None) -> float:

@@ -22,7 +22,7 @@ from uq.files.mistakes import ExperimentError
 from uq.files.schema import matrix
 from uq.files.units import UnitError, scale
 from uq.sources.correlations import LinkTable, check_correlated, check_correlation, link_of, mixing_of
-from uq.sources.datasheet import datasheet
+from uq.sources.datasheet import FULL_SCALE, datasheet
 from uq.sources.distributions import BETWEEN_LIMITS, Bounded, Distribution, Empirical, Normal, StudentT
 from uq.sources.draw_figures import DrawFigures, part_of
 from uq.sources.draws import Mixing, stream_number
@@ -92,6 +92,10 @@ def source_table(target: str, name: str) -> Any:
 
 WAYS = ("distribution", "degrees_of_freedom", "datasheet", "samples", "unit")
 WIDTHS = ("sigma", "half_width", "scale", "datasheet", "samples")
+NO_FULL_SCALE = (
+    "write this limit over the run's largest reading as '±… % of reading'; "
+    'or as a zero, kind = "bias" with full_scale'
+)
 MOST_ROWS = 100_000
 """Rows of a file of samples."""
 
@@ -173,10 +177,14 @@ def _from_datasheet(source: Source, table: Any) -> Source:
     for key in ("distribution", "degrees_of_freedom"):
         if getattr(table, key) is not None:
             raise WrongKeyError(key, "leave it out", "is said by the datasheet's figure")
-    _refuse_others(table, "datasheet", "full_scale")
     written = _figures(source)
+    is_scale = source.error_kind.shape == (3,) and written.unit == "%"
+    _refuse_others(table, "datasheet", *(() if is_scale else ("full_scale",)))
     wholes, unit = written.wholes(table.full_scale), written.unit
     texts = table.datasheet if isinstance(table.datasheet, tuple) else (table.datasheet,) * len(wholes)
+    if is_scale and any(FULL_SCALE.search(text) for text in texts):
+        problem = "is in % of full scale, and a scale error is in % of the reading"
+        raise WrongKeyError("datasheet", NO_FULL_SCALE, problem)
     if len(texts) != len(wholes):
         raise WrongKeyError("datasheet", "write one statement, or one for each axis")
     reading = 100.0 if unit == "%" else None

@@ -113,7 +113,8 @@ export function adjustable(place, law, changed = () => {}) {
     range.addEventListener("input", () => { state.factors[i] = 10 ** range.valueAsNumber; follow(); });
     inputs.push({ number, range, source, row: null });
     const title = made("span", { className: "name", title: source.group.replaceAll("_", " ") }, name);
-    const figure = made("span", { className: "figure" }, number, made("small", {}, source.unit));
+    const kind = source.what === "σ" ? [] : [made("small", {}, `(${source.what})`)];
+    const figure = made("span", { className: "figure" }, number, made("small", {}, source.unit), ...kind);
     const element = made("tr", {}, made("th", { scope: "row" }, made("div", {}, title, figure, range)),
       ...law.components.map((_, a) => cell(i, a)));
     inputs[i].row = element;

@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.display.rounding import significant
+from identify.display.text_tables import counted
 from identify.judge.findings import Finding
 from identify.results.declaration import ResidualCause
 from identify.signals.run import Run
@@ -59,7 +60,7 @@ class ClippedChannel(Finding):
     @property
     def looks(self) -> str:
         where = f"the {self.quantity} on {self.axis} stays at {significant(self.value, 4)}"
-        return f"{where} in {self.count} samples: the sensor's range ends there"
+        return f"{where} in {counted(self.count, 'sample')}: the sensor's range ends there"
 
     cure = "move less"
 

@@ -33,7 +33,7 @@ def test_a_gap_is_named():
     t, force, moment, omega = arrays(1000)
     keep = np.r_[0:400, 460:1000]
     run = Run.from_channels(t, force, moment, t[keep], omega[keep])
-    assert "1 gaps in the angular velocity, the longest 0.61 s" in run.warnings[0]
+    assert "1 gap in the angular velocity, the longest 0.61 s" in run.warnings[0]
     inside = (run.t > t[399] + 1e-9) & (run.t < t[460] - 1e-9)
     assert run.missing[inside].all()
     assert not run.missing[~inside][run.t[~inside] != t[399]].any()

@@ -52,7 +52,7 @@ def bursts(n=2000, *, period=2_000_000, every=20, lost=0):
 def test_samples_that_come_in_bursts_are_late_and_not_lost(lost, gaps):
     said = [finding.text for finding in channel_findings(bursts(lost=lost), 0.0) if finding.kind == "gap"]
     assert len(said) == gaps
-    assert all(text.startswith("1 gaps, the longest 0.238 s") for text in said)  # 100 periods and the wait for 20
+    assert all(text.startswith("1 gap, the longest 0.238 s") for text in said)  # 100 periods and the wait for 20
 
 
 def test_the_rate_is_that_of_many_samples(tmp_path):

@@ -132,6 +132,14 @@ def test_a_figure_that_two_results_share_is_shown_once():
     assert [(d.name, d.caption) for d in joined(*sections).drawings] == [("x", "a"), ("y", "a"), ("z", "b"), ("w", "b")]
 
 
+def test_what_calls_for_attention_in_another_result_opens_the_verdict():
+    """A sign of warning beside a sentence of good news would tell a reader to look for what is wrong with it."""
+    sound, doubtful = Section("", verdict="All is well."), Section("", findings=["a mass differs"])
+    assert joined(sound).verdict == "All is well."
+    said = joined(sound, doubtful).verdict
+    assert said == "Read what calls for attention before you use the figures. All is well."
+
+
 def test_hostile_names_are_text():
     changed = document()
     changed["trajectory"] = {f"../{HOSTILE}": changed["trajectory"]["T1"]}

@@ -17,8 +17,23 @@ from tests.helpers.pose_lab import series
 from tests.helpers.small_campaign import campaign
 from tests.helpers.weighing import Weighed, weighing
 from uq.analysis.propagation.law_of_propagation import propagate
+from uq.report.figures.style import legend_above, stacked
 from uq.report.views import VIEWS
 from uq.sources.distributions import Normal
+
+
+def test_a_legend_is_read_row_by_row_and_names_what_is_seen():
+    """In the order of the bars; a part thinner than a line is in the tables alone."""
+    figure = Figure(figsize=(3.5, 2), layout="constrained")
+    parts = [(f"the source {k}", "#0072B2", np.array([share])) for k, share in enumerate((40.0, 30.0, 20.0, 9.9, 0.1))]
+    stacked(figure.subplots(), parts, 0.7)
+    legend_above(figure)
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    places = {text.get_text(): text.get_window_extent() for text in legend.get_texts()}
+    rows = sorted(places, key=lambda name: (-round(places[name].y0), places[name].x0))
+    assert len({round(place.y0) for place in places.values()}) == 2
+    assert rows == [f"the source {k}" for k in range(4)]
 
 
 @pytest.fixture
@@ -77,6 +92,16 @@ def test_no_result_shows_itself_in_a_way_of_its_own():
         assert kind.tables is not Result.tables or part_of_view(kind, "tables") is not None, kind
         assert "Example: ``" in (kind.__doc__ or ""), kind
         assert kind.records is not Result.records, kind
+
+
+def test_a_summary_is_title_verdict_and_first_tables(weighed):
+    """Of every result: `Result.summary` alone writes it."""
+    result = campaign()
+    title, verdict, caption, *rows = result.summary().splitlines()
+    assert (title, verdict) == (result.title(), result.section().verdict)
+    assert "\n".join([caption, *rows]) == repr(result.section().tables[0])
+    assert weighed.summary() == f"{weighed.title()}\n{weighed.tables()[0]}"
+    assert all(kind.summary is Result.summary for kind in results())
 
 
 def test_every_registered_view_is_of_a_type_that_there_is():

@@ -91,6 +91,12 @@ def test_degrees_of_freedom_are_kept():
     assert read(source("s", "F", "bias", datasheet="2 N, 95 %, 4 degrees of freedom")).shape.degrees_of_freedom == 4
 
 
+OF_FULL_SCALE = (
+    r"source\[s\].datasheet is in % of full scale, and a scale error is in % of the reading: write this limit over the "
+    r"run's largest reading as '±… % of reading'; or as a zero, kind = \"bias\" with full_scale"
+)
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -108,6 +114,9 @@ def test_degrees_of_freedom_are_kept():
         ({"kind": "precision", "mean": ["1 N"] * 3}, r"unknown key source\[s\].mean"),
         ({"mean": ["1 N"]}, r"source\[s\].mean is \['1 N'\]: write three values"),
         ({"sigma": None, "datasheet": "0.1 % FS"}, r"source\[s\].datasheet is '0.1 % FS': give the full scale too"),
+        ({"kind": "scale", "sigma": None, "datasheet": "0.1 % FS"}, OF_FULL_SCALE),
+        ({"kind": "scale", "sigma": None, "datasheet": ["1 %", "1 %", "±1 % of full scale, k = 2"]}, OF_FULL_SCALE),
+        ({"kind": "scale", "sigma": None, "datasheet": "±1 %", "full_scale": ["300 %"] * 3}, r"source\[s\].full_scale has no meaning here: leave it out"),
         ({"sigma": None, "datasheet": "0.1 % FS", "full_scale": ["0 N"] * 3}, r"full_scale\[0\] is '0 N': write a value above zero"),
         ({"sigma": None, "datasheet": ["1 N", "1 N"]}, "write one statement, or one for each axis"),
         ({"sigma": None, "datasheet": ["1 N", "1 N", "1 N, k = 2"]}, "states several distributions: write a source for each"),

@@ -20,6 +20,7 @@ from uq.analysis.propagation.undrawn_errors import undrawn_errors, without_undra
 from uq.experiment.experiment import Experiment
 from uq.files.units import printed
 from uq.monte_carlo.gram_sums.cases import Case
+from uq.sources.datasheet import stated_figure
 from uq.sources.draw_figures import part_of
 from uq.sources.source import Source
 
@@ -28,6 +29,8 @@ LEVELS = 10.0 ** (np.arange(-4, 5) / 2)
 NEGLIGIBLE = 1e-5
 """Joint effects of two sources below this part of their variance are left out."""
 DIGITS = 6
+WRITTEN = {"sigma": "σ", "half_width": "half-width", "scale": "scale", "datasheet": "datasheet"}
+"""Keys of a source's size in a file, and what a page calls them."""
 SMALL = {"m": "mm", "s": "ms", "rad": "mrad", "kg": "g"}
 """Units of figures below a hundredth."""
 
@@ -56,7 +59,7 @@ def adjustable(experiment: Experiment, runs: Mapping[str, PreparedRun], estimato
             for k, estimator in enumerate(estimators)
         ]
     return {"components": list(COMPONENTS), "levels": _plain(LEVELS),
-            "sources": [_described(source) for source in experiment.sources], "pairs": pairs}  # fmt: skip
+            "sources": described(experiment), "pairs": pairs}  # fmt: skip
 
 
 class Contributions(NamedTuple):
@@ -202,8 +205,36 @@ def _plain(values: np.ndarray) -> Any:
     return np.reshape(rounded, np.shape(values)).tolist()
 
 
-def _described(source: Source) -> dict[str, Any]:
-    """Name, group, unit and figure of a source: the largest axis's."""
+def described(experiment: Experiment) -> list[dict[str, Any]]:
+    """Return name, group, and figure with its unit of each source, as its file states them: the largest axis's."""
+    entries = experiment.document.get("source", ()) if experiment.is_of_document() else ()
+    written = {entry["name"]: entry for entry in entries}
+    return [_described(source, written.get(source.name, {})) for source in experiment.sources]
+
+
+def _described(source: Source, entry: Mapping[str, Any]) -> dict[str, Any]:
+    what, figure, unit = _as_written(source, entry) or _in_si(source)
+    return {"name": source.name, "group": source.group, "what": what, "unit": printed(unit),
+            "figure": float(f"{figure:.{DIGITS}g}"), "axes": int(np.size(source.sigma))}  # fmt: skip
+
+
+def _as_written(source: Source, entry: Mapping[str, Any]) -> tuple[str, float, str] | None:
+    """Key, number and unit of a source's size as its file states it; None: no number and unit stand there."""
+    key = next((key for key in (*WRITTEN, *source.error_kind.sizes) if key in entry), "")
+    texts = np.ravel(entry.get(key, ()))
+    sizes = np.ravel(np.abs(source.sigma))
+    text = str(texts[np.argmax(sizes) if len(texts) == len(sizes) else 0]) if len(texts) else ""
+    if key == "datasheet":
+        return (key, *stated_figure(text))
+    number, _, unit = text.partition(" ")
+    try:
+        return (WRITTEN.get(key, key), abs(float(number)), unit)
+    except ValueError:
+        return None
+
+
+def _in_si(source: Source) -> tuple[str, float, str]:
+    """The standard deviation, or another size, in SI, or in a thousandth of it."""
     kind = source.error_kind
     what, figures, unit = "σ", source.sigma, kind.targets[source.target]
     stated = [size for size in kind.sizes if size in source.settings]
@@ -211,7 +242,4 @@ def _described(source: Source) -> dict[str, Any]:
         what = stated[0]
         figures, unit = source.settings[what], kind.unit_of_size(source.target, what)
     figure = float(np.max(np.abs(figures))) / part_of(unit)
-    if unit in SMALL and figure < 0.01:
-        unit, figure = SMALL[unit], 1000 * figure
-    return {"name": source.name, "group": source.group, "what": what, "unit": printed(unit),
-            "figure": float(f"{figure:.{DIGITS}g}"), "axes": int(np.size(source.sigma))}  # fmt: skip
+    return (what, 1000 * figure, SMALL[unit]) if unit in SMALL and figure < 0.01 else (what, figure, unit)

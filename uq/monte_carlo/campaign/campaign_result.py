@@ -12,6 +12,7 @@ import numpy as np
 
 from identify.display.reporting import Result
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
+from uq.monte_carlo.campaign.spread_ratio import SpreadComparison, compared
 from uq.monte_carlo.campaign.statistics import Breakdown, ByTrajectory, Statistics, in_gram_metre, large_mean_error
 from uq.monte_carlo.coverage.adaptive_procedure import Stability
 from uq.monte_carlo.coverage.coverage_intervals import CoverageInterval, Kind, shortest_interval, symmetric_interval
@@ -61,6 +62,26 @@ class MonteCarloResult(ByTrajectory[Breakdown[Statistics]], Result):
         """Return the coverage intervals of the six components' errors, all sources together [kg·m²]."""
         coverage_interval = symmetric_interval if kind == "symmetric" else shortest_interval
         return coverage_interval(self.total_errors(trajectory, estimator), probability, self.points)
+
+    def against(self, trajectory: str, estimator: str | None = None) -> SpreadComparison:
+        """Return 3σ of every other trajectory and estimator over that of one, from the same draws.
+
+        Args:
+            trajectory: of which each other one with the same estimator is compared.
+            estimator: of the reference; None: each pair has its own.
+
+        Raises:
+            KeyError: there is none of this name; the message names those that there are.
+        """
+        pairs = self.pairs()
+        others = {pair: (trajectory, estimator or pair[1]) for pair in pairs}
+        for pair in set(others.values()):
+            self.checked(pair)
+        return compared(
+            {pair: self.total_errors(*pair) for pair in pairs},
+            {pair: other for pair, other in others.items() if pair != other},
+            ("trajectory", "estimator"), ", ".join(filter(None, (trajectory, estimator))), self.points,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in g·m²."""

@@ -20,6 +20,7 @@ from uq.experiment.experiment import Experiment, ExperimentError
 from uq.files.provenance import provenance
 from uq.monte_carlo.campaign.campaign import RunOptions, SamplingPlan, montecarlo
 from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
+from uq.monte_carlo.campaign.spread_ratio import SpreadComparison, compared
 from uq.progress_bar import Progress, progress_of
 
 if TYPE_CHECKING:
@@ -52,6 +53,23 @@ class SweepResult(Result):
         if key not in self.campaigns:
             raise UnknownNameError(value, [x[0] if len(x) == 1 else x for x in self.campaigns])
         return self.campaigns[key]
+
+    def against(self, value: str | tuple[str, ...]) -> SpreadComparison:
+        """Return 3σ at every other value over that at one, of each trajectory and estimator, from the same draws.
+
+        Args:
+            value: as it was written; of several keys, the value of each.
+
+        Raises:
+            KeyError: no campaign has it; the message names those that there are.
+        """
+        self[value]
+        key = value if isinstance(value, tuple) else (value,)
+        campaigns = self.campaigns.items()
+        cases = {(*k, *pair): campaign.total_errors(*pair) for k, campaign in campaigns for pair in campaign.pairs()}
+        others = {(*k, *pair): (*key, *pair) for k, campaign in campaigns for pair in campaign.pairs() if k != key}
+        points = next(iter(self.campaigns.values())).points
+        return compared(cases, others, (*self.values, "trajectory", "estimator"), ", ".join(key), points)
 
     def records(self) -> list[dict[str, Any]]:
         """Return mean error, 3σ and their standard errors [kg·m²] of each case and component, by value."""

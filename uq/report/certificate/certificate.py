@@ -74,22 +74,27 @@ class Certificate(Result):
 
     @cached_property
     def _front(self) -> Front:
-        return front(self.report, self.identification.provenance, len(self.tables()))
+        signed = 1 + len(self._values())
+        return front(self.report, self.identification.provenance, signed)
 
     def title(self) -> str:
         """Return the identification's."""
         return self.identification.title()
 
     def tables(self) -> list[Table]:
-        """Return tensor, principal moments, mass and centre, conformity; narrow tables together, to fit one page."""
-        result, report = self.identification, self.report
+        """Return tensor, mass and centre, principal moments; behind the signature, conformity and u by origin."""
+        result = self.identification
         return [
             tables.tensor(result, self.tensor),
+            *self._values(),
+            *tables.conformity(self.report, self.decisions),
             *tables.origins(result),
-            *tables.principal(result, self.tensor),
-            tables.mass_and_centre(result, report),
-            *tables.conformity(report, self.decisions),
         ]
+
+    def _values(self) -> list[Table]:
+        """The tables that stand between tensor and signature: few rows, so that a page always holds them."""
+        result = self.identification
+        return [tables.mass_and_centre(result, self.report), *tables.principal(result, self.tensor)]
 
     def overview(self) -> list[Table]:
         """Return the identification's, and conformity with a specification."""
@@ -138,6 +143,7 @@ class Certificate(Result):
             title=report.texts.get("title", TITLE),
             computed=[f"{estimator_of(result.method).type_a} {UNCERTAINTY}".strip(), BIAS, *_decision_rule(report)],
             findings=self.findings(),
+            not_stated=self.not_stated(),
             details=self.details(),
             assumptions=list(map(sentence, result.assumptions)),
             provenance=result.provenance
@@ -157,7 +163,7 @@ class Certificate(Result):
             texts.append(f"Conforms with {rule.specification}: {', '.join(outcomes)}.")
         elif rule is not None:
             texts.append(f"Conformity with {rule.specification}: {', '.join(f'{k} {v}' for k, v in outcomes.items())}.")
-        failed = sum(row[-1] != checks.WITHIN for row in self.checks)
+        failed = sum(row[-1] not in (checks.WITHIN, checks.NOT_DECLARED) for row in self.checks)
         if failed:
             texts.append(f"{failed} of {len(self.checks)} checks call{'s' if failed == 1 else ''} for attention.")
         if self.missing:
@@ -165,14 +171,15 @@ class Certificate(Result):
             texts.append(
                 f"{count} item{'s' * (count > 1)} of ISO/IEC 17025 {'is' if count == 1 else 'are'} not stated."
             )
-        return " ".join(texts if failed or self.missing else [*texts, "Every check is passed."])
+        every = all(row[-1] == checks.WITHIN for row in self.checks) and not self.missing
+        return " ".join([*texts, "Every check is passed."] if every else texts)
 
     def findings(self) -> list[str]:
-        """Return what a reader must not miss: undeclared errors, conformity, warnings, checks, items not stated."""
+        """Return what a reader must not miss: conformity, warnings, checks."""
         failed = [
             f"{row[0]}: {row[1]}, limit {row[2]}."
             for row in self.checks[:-1]
-            if row[-1] != checks.WITHIN and row[0] != checks.UNDECLARED
+            if row[-1] not in (checks.WITHIN, checks.NOT_DECLARED)
         ]
         why = {"undecided": self._undecided} if self._undecided else {}
         others = [
@@ -182,9 +189,13 @@ class Certificate(Result):
         ]
         warnings = self.identification.warnings
         where = map(sentence, identification_view.explained(self.identification))
+        return [*others, *warnings, *([] if warnings else failed), *where]
+
+    def not_stated(self) -> list[str]:
+        """Return what takes the tick away without being a warning: undeclared errors, items that nobody states."""
         missing = ", ".join(self.missing)
         items = [f"Not stated, and asked for by ISO/IEC 17025: {missing}."] if self.missing else []
-        return [*self._typical(), *others, *warnings, *([] if warnings else failed), *where, *items]
+        return [*self._typical(), *items]
 
     @property
     def _undecided(self) -> str:

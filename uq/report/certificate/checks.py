@@ -13,6 +13,8 @@ from identify.rigid_body.principal_axes import principal
 HEAD = ("check", "found", "limit", "verdict")
 WITHIN = "within"
 """The verdict on a check that is passed."""
+NOT_DECLARED = "not declared"
+"""The verdict on the check of undeclared errors that is not passed."""
 UNDECLARED = "u of undeclared errors at typical size over u of all others, largest"
 """Name of the check of how much U leaves out."""
 
@@ -66,7 +68,8 @@ def undeclared(result: Identification) -> list[str]:
     if result.undeclared is not None:
         share, _ = result.undeclared.share(result.parameters.standard_uncertainty)
     within = share is not None and share <= LARGEST_SHARE
-    return [UNDECLARED, "not known" if share is None else significant(share, 2), limit, _verdict(within)]
+    text = "not known" if share is None else significant(share, 2)
+    return [UNDECLARED, text, limit, WITHIN if within else NOT_DECLARED]
 
 
 def _verdict(within: bool) -> str:

@@ -64,7 +64,7 @@ def front(report: Report, provenance: Mapping[str, Any], values: int) -> Front:
         instruments=_instruments(report.instruments),
         statements=[
             ONLY,
-            f"Reproduction: {stated['reproduction']}" if "reproduction" in stated else REPRODUCTION,
+            f"Reproduction: {stated['reproduction'].rstrip('.')}." if "reproduction" in stated else REPRODUCTION,
             NO_CLAIM,
         ],
         approvals=[(person.get("name", MISSING), person.get("function", "")) for person in report.approvers],

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.display.rounding import beside_uncertainty, decimals, exact, fixed, interval, rounded
-from identify.display.text_tables import Table, sentence
+from identify.display.text_tables import Table, counted, sentence
 from identify.results.alignment import Aligned
 from identify.results.identification_result import MISFIT, Identification
 from identify.results.ledger import CONVENTIONAL
@@ -41,7 +41,7 @@ def tensor(result: Identification, expanded: Expanded) -> Table:
             rows.append([*row, fixed(GRAM_METRE * bias, decimals(GRAM_METRE * half))])
         else:
             rows.append([row[0], "–", *["–"] * 5, UNDETERMINED, "–"])
-    count = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    count = counted(len(result.runs), "run")
     title = f"Inertia tensor about the centre of gravity, in the body frame, g·m²; {count}"
     head, *rows = _intervals_first([["", *HEAD, "bias"], *rows], _bounds(result, expanded.interval, slice(4, 10)))
     return Table(title, head, rows, TENSOR_NOTE + BOUND_NOTE * has_bound(result))
@@ -290,7 +290,10 @@ ORIGIN_NOTE = (
     "measured: type A, from the runs; declared: sources; model misfit: what the runs contradict; typical: undeclared "
     "errors, which the bound alone holds."
 )
-PRINCIPAL_NOTE = "turn, deg: standard uncertainty of the rotation of the other two axes about this one."
+PRINCIPAL_NOTE = (
+    "turn, deg: how well the directions of the two other axes are known, as the standard uncertainty of their angle "
+    "about this one."
+)
 CONFORMITY_NOTE = (
     "By the conventional bound. probability within: that the value lies within the limits, from a normal distribution "
     "of its u, undeclared errors at typical size in it; –: these are not known."

@@ -15,7 +15,7 @@ from uq.report.figures.style import (
     coloured_parts,
     label,
     largest,
-    legend_above,
+    legend_over,
     new_figure,
     on,
     stacked,
@@ -113,7 +113,7 @@ def overview(budgets: Mapping[tuple[str, str], SourceBudget]) -> FigureBase:
     shapley.invert_yaxis()
     shapley.set(xlim=(0, 100), xlabel="Shapley share of the tensor's variance [%]")
     squares.set(xlim=(0, 100), xlabel="share of the mean square [%]")
-    for axes in (shapley, squares):
+    for axes, width in ((shapley, 0.55 * PAGE), (squares, 0.35 * PAGE)):
         axes.tick_params(axis="y", left=False)
-    legend_above(figure)
+        legend_over(axes, width)
     return figure

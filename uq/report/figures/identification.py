@@ -40,6 +40,28 @@ def shares(parts: Mapping[str, np.ndarray], standard_uncertainty: np.ndarray) ->
     return figure
 
 
+def moments(runs: Sequence[RunEstimate]) -> FigureBase:
+    """Draw measured and predicted moment about the centre of gravity in a short stretch of each run.
+
+    Args:
+        runs: one or more that kept their residuals.
+    """
+    figure = new_figure(PAGE, 0.6 + 1.25 * len(runs), layout="constrained")
+    panels = figure.subplots(len(runs), 3, squeeze=False, sharey="row", sharex="row")
+    for row, run in zip(panels, runs, strict=True):
+        assert run.trace is not None  # noqa: S101
+        stretch = run.trace.stretch
+        for k, axes in enumerate(row):
+            axes.plot(stretch.t, stretch.measured[:, k], color=PALETTE[7], linewidth=0.8, label="measured")
+            axes.plot(stretch.t, stretch.predicted[:, k], color=PALETTE[k + 1], linewidth=1.2, label="predicted")
+            axes.set_title(f"M{k + 1}" if k else f"{label(run.file)}, M1", loc="left")
+            axes.margins(x=0)
+        row[0].set_ylabel("moment [N·m]")
+    panels[-1, 1].set_xlabel("time from the run's start [s]")
+    legend_above(figure)
+    return figure
+
+
 def residuals(runs: Sequence[RunEstimate]) -> FigureBase:
     """Draw the residual moment about the centre of gravity, as bands over time and as amplitude density.
 

@@ -23,6 +23,8 @@ MOST = 6
 """Parts that have a colour of their own."""
 LINES = 12
 """Most sources that have a line each."""
+SEEN = 0.3
+"""Share from which a bar's part is seen, and stands in the legend [%]: two hundredths of an inch."""
 OTHERS = PALETTE[7]
 """Colour of all other parts together."""
 GRID, RULE, FILL = "#e4e4e4", "#808080", "#d4d4d4"
@@ -77,11 +79,25 @@ def coloured_parts(names: Sequence[str], shares_of: Any) -> list[tuple[str, str,
 
 def legend_above(figure: Any) -> None:
     """Put a legend of all panels above them, each name once, in as many columns as fit."""
+    names, handles, count = _entries(figure.axes, width_of(figure))
+    figure.legend(handles, names, loc="outside upper center", ncols=count)
+
+
+def legend_over(axes: Any, width: float) -> None:
+    """Put a legend of a panel of this width [in] above it."""
+    names, handles, count = _entries([axes], width)
+    axes.legend(handles, names, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count)
+
+
+def _entries(panels: Sequence[Any], width: float) -> tuple[list[str], list[Any], int]:
+    """Names and handles of a legend, each name once, read row by row; and how many columns it has."""
     entries: dict[str, Any] = {}
-    for axes in figure.axes:
+    for axes in panels:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(name, handle)
-    figure.legend(entries.values(), entries, loc="outside upper center", ncols=columns(list(entries), width_of(figure)))
+    count = columns(list(entries), width)
+    names = [name for column in range(count) for name in list(entries)[column::count]]  # matplotlib fills columns
+    return names, [entries[name] for name in names], count
 
 
 def columns(names: Sequence[str], width: float) -> int:
@@ -91,12 +107,13 @@ def columns(names: Sequence[str], width: float) -> int:
 
 
 def stacked(axes: Any, parts: Sequence[tuple[str, str, Any]], thickness: float) -> None:
-    """Draw bars from left to right, one on the end of another: name, colour and lengths of each part."""
+    """Draw bars from left to right, one on the end of another: name, colour and lengths [%] of each part."""
     base = 0.0
     for name, colour, lengths in parts:
+        seen = name if max(lengths) >= SEEN else "_"  # without an entry in the legend
         axes.barh(
             range(len(lengths)), lengths, thickness, left=base, color=colour, edgecolor="white", linewidth=0.3,
-            label=name,
+            label=seen,
         )  # fmt: skip
         base = base + lengths
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.display.reporting import Section, section_of
 from identify.display.rounding import exact, rounded, significant
-from identify.display.text_tables import Table
+from identify.display.text_tables import Table, counted
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.monte_carlo.campaign.campaign_result import MonteCarloResult
 from uq.report.assumptions import source_assumptions
@@ -35,7 +35,7 @@ def title(result: MonteCarloResult) -> str:
     """Return what the tables are of."""
     how = "" if result.stability is None else ", adaptive"
     points = "" if result.points == "random" else f"{result.points} "
-    return f"Monte Carlo{how}, {result.trials:,} {points}trials, seed {result.seed}"
+    return f"Monte Carlo{how}, {counted(result.trials, f'{points}trial')}, seed {result.seed}"
 
 
 def tables(result: MonteCarloResult) -> list[Table]:
@@ -94,8 +94,8 @@ def computed(result: MonteCarloResult) -> str:
         for case, reason in choice.get("by_samples", {}).items()
     ]
     return (
-        f"{result.trials:,} {result.points} trials on {result.provenance.get('engine', 'sums')}, seed {result.seed}. "
-        f"Trajectories: {', '.join(result.breakdowns)}. "
+        f"{counted(result.trials, f'{result.points} trial')} on {result.provenance.get('engine', 'sums')}, "
+        f"seed {result.seed}. Trajectories: {', '.join(result.breakdowns)}. "
         f"Estimators: {', '.join(estimators)}. In each trial every error source is drawn once; the tensor is then "
         "estimated with all sources together, with each group alone and with each source alone."
         f"{''.join(by_samples)}"

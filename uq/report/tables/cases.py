@@ -128,9 +128,13 @@ def breakdown_drawings(result: ByTrajectory[Breakdown], how: str = "") -> list[D
 
 def verdict_on_mean_errors(result: ByTrajectory[Breakdown]) -> str:
     """Return with which estimators, on which trajectories, a mean error exceeds its 3σ."""
+    return verdict_of_biased({pair: bool(large_mean_error("", result[pair].total)) for pair in result.pairs()})
+
+
+def verdict_of_biased(biased: Mapping[tuple[str, str], bool]) -> str:
+    """Return with which estimators, on which trajectories, a mean error exceeds its 3σ: whether, by these two names."""
     named: dict[bool, dict[str, list[str]]] = {True: {}, False: {}}
-    for trajectory, estimator in result.pairs():
-        beyond_dispersion = bool(large_mean_error("", result[trajectory, estimator].total))
+    for (trajectory, estimator), beyond_dispersion in biased.items():
         named[beyond_dispersion].setdefault(estimator, []).append(trajectory)
     beyond, within = (
         "; ".join(f"{estimator} ({', '.join(trajectories)})" for estimator, trajectories in named[which].items())

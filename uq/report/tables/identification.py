@@ -16,7 +16,7 @@ from identify.display.rounding import (
     significant,
     with_uncertainty,
 )
-from identify.display.text_tables import Table, sentence
+from identify.display.text_tables import Table, counted, sentence
 from identify.least_squares import offsets
 from identify.results import mass_and_centre, measured_directions
 from identify.results.alignment import listed
@@ -48,7 +48,7 @@ Choice: the estimate is singular there.
 
 def title(result: Identification) -> str:
     """Return quantity, runs and estimator in one line."""
-    runs = f"{len(result.runs)} run{'s' if len(result.runs) > 1 else ''}"
+    runs = counted(len(result.runs), "run")
     return f"Inertia tensor about the centre of gravity, body frame; {runs}, estimator '{result.estimator.name}'"
 
 
@@ -223,7 +223,7 @@ def _used(runs: Sequence[RunEstimate]) -> Iterator[str]:
     """Parts that were used and samples that were left out, a text for each run of which not all was used."""
     for run in runs:
         segments = " and ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in run.segments)
-        out = ", ".join(f"{count:,} samples {reason}" for reason, count in run.left_out.items() if count)
+        out = ", ".join(f"{counted(count, 'sample')} {reason}" for reason, count in run.left_out.items() if count)
         how = ", found where it moves" if run.detected else ""
         words = [f"used from {segments}{how}"] * bool(segments) + [f"left out: {out}"] * bool(out)
         if words:
@@ -280,7 +280,7 @@ def two_digits(value: float, signed: bool = False) -> str:
 
 
 def drawings(result: Identification) -> list[Drawing]:
-    """Return budget, residuals, coverage of the sphere, runs, and the parts of them that counted."""
+    """Return budget, moment, residuals, coverage of the sphere, runs, and the parts of them that counted."""
     runs, parts, largest = result.runs, result.contributions, largest_residuals(result.runs)
     paths = measured_directions.motion(runs)
     shown = []
@@ -288,6 +288,7 @@ def drawings(result: Identification) -> list[Drawing]:
         shown.append(drawing("budget", BUDGET, "identification.shares", parts, result.standard_uncertainty))
     if largest:
         few = f" The {MOST_DRAWN} runs with the largest residuals of {len(runs)}." if len(largest) < len(runs) else ""
+        shown.append(drawing("moment", f"{MOMENTS}{few}", "identification.moments", largest))
         shown.append(drawing("residuals", f"{RESIDUALS}{few}", "identification.residuals", largest))
     if paths is not None:
         caption = _coverage_caption(*paths, result.covariance)
@@ -339,6 +340,10 @@ def section(result: Identification) -> Section:
 INTERVALS_HOLD = "The 95 % intervals hold if the assumptions below do"
 RUNS = "Each component: each run alone, and all together."
 BUDGET = "Contributions to each component's variance: what the runs show (type A) and what is declared (type B)."
+MOMENTS = (
+    "Moment about the centre of gravity in the middle of each run: measured, less the offset, and predicted by the "
+    "tensor; force and moment of runs that the tensor has not seen: --validate."
+)
 RESIDUALS = (
     "What the fit leaves of the moment about the centre of gravity: over time, and as amplitude density beside that of "
     "the moment itself."

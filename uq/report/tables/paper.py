@@ -80,7 +80,7 @@ def section(result: PaperResult) -> Section:
         computed=[SOURCE, campaign.computed(ours), campaign.INDEX], findings=ours.findings(),
         tables=_comparisons(result), details=[*ours.tables(), *campaign.details(ours)],
         assumptions=[*campaign.METHOD, *source_assumptions(ours.provenance), *PAPER_ASSUMPTIONS, *study],
-        provenance=ours.provenance, verdict=f"{_agreement(result)} {verdict_on_mean_errors(ours)}",
+        provenance=ours.provenance, verdict=f"{verdict_on_mean_errors(ours)} {_agreement(result)}".strip(),
         headline=len(result.estimators),
     )  # fmt: skip
 

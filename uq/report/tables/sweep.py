@@ -2,18 +2,21 @@
 
 from collections.abc import Iterator
 
-from identify.display.reporting import Drawing, stem
-from identify.display.text_tables import Table
+from identify.display.reporting import Drawing, Section, section_of, stem
+from identify.display.text_tables import Table, counted
 from identify.rigid_body.inertia import COMPONENTS
+from uq.monte_carlo.campaign.statistics import large_mean_error
 from uq.monte_carlo.campaign.sweep import SweepResult
+from uq.report.assumptions import source_assumptions
 from uq.report.drawing import drawing
-from uq.report.tables.cases import PAIR, case_table, rows_of
+from uq.report.tables import campaign as campaign_view
+from uq.report.tables.cases import PAIR, case_table, rows_of, verdict_of_biased
 
 
 def title(result: SweepResult) -> str:
     """Return what the tables are of."""
     first = next(iter(result.campaigns.values()))
-    return f"Sweep, {first.trials:,} trials a value, seed {first.seed}"
+    return f"Sweep, {counted(first.trials, 'trial')} a value, seed {first.seed}"
 
 
 def tables(result: SweepResult) -> list[Table]:
@@ -24,6 +27,26 @@ def tables(result: SweepResult) -> list[Table]:
         for pair in campaign.pairs()
     ]
     return [case_table("Mean error and 3σ by value", [*result.values, *PAIR], cases)]
+
+
+def section(result: SweepResult) -> Section:
+    """Return its part of a report."""
+    first, biased = next(iter(result.campaigns.values())), _biased(result)
+    count = len(result.campaigns)
+    beyond = f"of {count} values."
+    where = [f"{', '.join(pair)}: the mean error exceeds 3σ at {n} {beyond}" for pair, n in biased.items() if n]
+    return section_of(
+        result, computed=[campaign_view.computed(first), campaign_view.INDEX], findings=[*where, *result.warnings],
+        assumptions=[*campaign_view.METHOD, *source_assumptions(result.provenance)],
+        verdict=verdict_of_biased({pair: bool(n) for pair, n in biased.items()}),
+    )  # fmt: skip
+
+
+def _biased(result: SweepResult) -> dict[tuple[str, str], int]:
+    """Number of values at which a mean error exceeds its 3σ, by trajectory and estimator."""
+    campaigns = result.campaigns.values()
+    pairs = next(iter(campaigns)).pairs()
+    return {pair: sum(bool(large_mean_error("", campaign[pair].total)) for campaign in campaigns) for pair in pairs}
 
 
 def drawings(result: SweepResult) -> list[Drawing]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.display.text_tables import counted
 from identify.signals.run import RunError
 from rig import channels
 from rig.bags.growing_file import GrowingFile
@@ -98,7 +99,7 @@ class LiveEstimator:
 
     def warnings(self) -> list[str]:
         """Return what a reader of the estimate should know."""
-        left_out = [f"{count:,} samples {reason} are left out" for reason, count in self._sums.left_out.items()]
+        left_out = [f"{counted(count, 'sample')} {reason} left out" for reason, count in self._sums.left_out.items()]
         return [*self._run.troubles[-1:], *left_out, *list(self._sums.warnings)[-1:]]
 
     def message(self, estimate: LiveEstimate) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float, Int
 
+from identify.display.text_tables import counted
 from identify.signals.angular_velocity_from_attitude import (
     angular_velocity,
     band_by_turning,
@@ -294,7 +295,7 @@ def _joint_states(
         chain.check_velocities((instants[used] - instants[used][0]) / NANOSECONDS, angles, velocity[used], name)
     if not used.all():
         left_out = int((~used).sum())
-        notes = (*notes, f"{left_out:,} messages of {source.topic} without all its joints are left out")
+        notes = (*notes, f"{counted(left_out, 'message')} of {source.topic} without all its joints left out")
     return _JointStates(source.taken(used), instants[used], angles, velocity[used] if measures else None, notes)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import msgspec
 import numpy as np
 
+from identify.display.text_tables import counted
 from identify.signals.run import RunError
 from rig import channels
 from rig.channels import ImuChannel, WrenchChannel
@@ -101,7 +102,7 @@ class DeclaredTable:
         if (np.diff(stamp) < 0).any():
             notes.append("rows out of order are sorted by their times")
         if missing := int((~complete).sum()):
-            notes.append(f"{missing:,} rows of {self.path.name} without {' or '.join(signals)} are left out")
+            notes.append(f"{counted(missing, 'row')} of {self.path.name} without {' or '.join(signals)} left out")
         return TableSamples(stamp, [array[complete] for array in values], notes)
 
     def check_order(self, stamp: np.ndarray) -> None:

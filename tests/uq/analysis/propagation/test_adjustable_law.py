@@ -10,7 +10,7 @@ from tests.helpers.adjustable_lab import widget_page
 from tests.helpers.driven_browser import Browser, needs_chromium
 from tests.helpers.law_sources import LINKED, SOURCES
 from tests.helpers.source_lab import experiment, source
-from uq.analysis.propagation.adjustable_law import LEVELS, contributions_of
+from uq.analysis.propagation.adjustable_law import LEVELS, contributions_of, described
 from uq.analysis.propagation.experiment_law import law, prepare_law
 from uq.analysis.propagation.inputs import constants_of
 
@@ -34,6 +34,30 @@ def several():
     """Eleven kinds of source, two of them correlated, two with expectations; the smoothed derivative alone."""
     given = experiment(*(s for s in SOURCES if s["name"] in NAMES), correlations=LINKED)
     return dataclasses.replace(given, estimators=given.estimators[1:])
+
+
+FULL_SCALE = ["300 N", "4500 N", "500 N"]
+OWN = [
+    (("F", "bias", {"datasheet": "±1 % of full scale", "full_scale": FULL_SCALE}), "datasheet", 1.0, "% of full scale"),
+    (("F", "bias", {"datasheet": ["accuracy ±2 N", "accuracy ±4 N", "±1 N"]}), "datasheet", 4.0, "N"),
+    (("F", "bias", {"datasheet": "3 sigma = 7.5 N"}), "datasheet", 7.5, "N, 3 sigma"),
+    (("F", "bias", {"distribution": "rectangular", "half_width": ["1 N", "3 N", "2 N"]}), "half-width", 3.0, "N"),
+    (("omega", "misalignment", {"sigma": ["0.1 deg", "0.2 deg", "0.05 deg"]}), "σ", 0.2, "deg"),
+    (("r_cg", "bias", {"sigma": "0.15 mm"}), "σ", 0.15, "mm"),
+    (("F", "bias", {"distribution": "student_t", "scale": "0.4 N", "degrees_of_freedom": 9}), "scale", 0.4, "N"),
+    (("F", "quantisation", {"step": "0.1 N"}), "step", 0.1, "N"),
+]
+
+
+@pytest.mark.parametrize(("declared", "what", "figure", "unit"), OWN, ids=[str(case[0][2]) for case in OWN])
+def test_a_page_shows_the_figure_as_it_was_declared(declared, what, figure, unit):
+    """Of the largest axis, in the words and the unit of the file; not the standard deviation that follows from it."""
+    target, kind, keys = declared
+    given = experiment(source("e", target, kind, **keys))
+    (shown,) = described(given)
+    assert (shown["what"], shown["figure"], shown["unit"]) == (what, figure, unit)
+    larger = dataclasses.replace(given, sources=tuple(s.error_kind.resized(s, 2.0) for s in given.sources))
+    assert described(larger)[0]["what"] in ("σ", "step")  # no file says it any more
 
 
 def test_parts_add_up_to_the_law(several):

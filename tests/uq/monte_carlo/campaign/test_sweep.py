@@ -48,10 +48,45 @@ def test_an_array_of_all_figures(swept):
     assert frame["three_sigma [kg·m²]"] == total.three_sigma[3]
 
 
+def test_values_are_compared_with_one_from_the_same_draws(swept):
+    """Of the moment's noise alone 3σ would be fourfold; with all errors together less, and known the better."""
+    compared = swept.against(("0.2 N*m", "0.37 kg*m^2"))
+    (ratio,) = [ratio for names, ratio in compared.ratios.items() if names[-1] == "central"]
+    totals = [swept[value, "0.37 kg*m^2"]["T1", "central"].total for value in VALUES]
+    np.testing.assert_allclose(ratio.value, totals[1].three_sigma / totals[0].three_sigma, rtol=1e-12)
+    apart = [np.square(t.three_sigma_standard_error / t.three_sigma) for t in totals]
+    assert (ratio.standard_error < 0.8 * ratio.value * np.sqrt(np.sum(apart, axis=0))).all()
+    with pytest.raises(KeyError, match=r"0\.3 N"):
+        swept.against(("0.3 N*m", "0.37 kg*m^2"))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--against", "T9"], "--against is 'T9': choose one of T1, T2, T3, T4"),
+        (["--against", "T1", "--trajectory", "T1"], "--against T1 has nothing beside it: give another --trajectory"),
+        (["--sweep", f"{KEY}=1 N*m,2 N*m", "--against", "3 N*m"], "--against is '3 N*m': did you mean 2 N*m? choose"),
+    ],
+)
+def test_nothing_is_run_to_be_compared_with_nothing(options, words, capsys):
+    assert main(["montecarlo", "barreto2016", "--trials", "1000000", *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_the_page_names_mean_errors_beyond_3_sigma(experiment):
+    result = sweep(experiment, {KEY: VALUES}, trials=TRIALS, trajectories="T1")
+    section = result.section()
+    assert section.verdict == "Biased: central (T1). Unbiased within 3σ: smoothed (T1)."
+    assert section.findings == ["T1, central: the mean error exceeds 3σ at 2 of 2 values."]
+    assert section.assumptions
+
+
 def test_the_command(tmp_path, results_follow_their_schema, blank_pictures):
     options = ["--trials", str(TRIALS), "--estimator", "central", "--trajectory", "T1", "--out", str(tmp_path / "out")]
+    options += ["--against", "0.5 N*m"]
     assert main(["montecarlo", "barreto2016", "--sweep", f"{KEY}=0.2 N*m:0.8 N*m:3", *options]) == 0
     content = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
+    assert len(content["against"]["rows"]) == 2 * 6
     assert content["values"] == {KEY: ["0.2 N*m", "0.5 N*m", "0.8 N*m"]}
     assert {"sweep-T1-central.svg", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
 

@@ -102,6 +102,22 @@ def test_the_kernel_moves_the_sliders(browser, experiment):
 
 
 @needs_chromium
+def test_an_exported_notebook_shows_the_last_state(experiment, numbers, tmp_path):
+    """Of its cells an export keeps what `nbclient` and JupyterLab save of a widget: here the script draws it again."""
+    widgets = pytest.importorskip("ipywidgets")
+    widget = explore(experiment)
+    factors = [1.0, 1.0, 0.5, 1.0, 1.0, 1.0, 3.0]
+    widget.state = {"pair": 0, "factors": factors, "duration": 1.0, "amplitude": 1.0}
+    saved = widgets.Widget.get_manager_state(widgets=[widget])["state"][widget.model_id]["state"]
+    assert saved["_esm"] == widget._esm
+    with Browser(tmp_path, widget_page(saved["law"], saved["state"])) as opened:
+        sources = tuple(s.error_kind.resized(s, f) for s, f in zip(experiment.sources, factors, strict=True))
+        compare(opened, dataclasses.replace(experiment, sources=sources))
+        assert opened.run("document.querySelectorAll('tr.changed').length") == 2
+        assert opened.complaints == []
+
+
+@needs_chromium
 def test_what_is_typed_is_left_alone(browser):
     """The kernel's model hears of each change, which must not rewrite a number that is being typed."""
     number = "document.querySelector('tbody tr:nth-child(2) input')"

@@ -78,6 +78,11 @@ def test_a_trace_keeps_every_extreme_the_noise_level_and_a_line():
     assert np.median(found.moment_density) == pytest.approx(10 * np.sqrt(2 / rate), rel=0.1)
     assert found.frequency[np.argmax(found.residual_density[:, 0])] == pytest.approx(50, abs=0.5)
     assert (np.diff(found.frequency) > 0).all()
+    assert found.stretch.t[0] == pytest.approx((12_000 - 5 * rate) / 2 / rate)  # the middle of the longest segment
+    assert found.stretch.t[-1] - found.stretch.t[0] == pytest.approx(5, abs=0.01)
+    at = np.round(found.stretch.t * rate).astype(int)
+    np.testing.assert_array_equal(found.stretch.measured, 10 * noise[at])
+    np.testing.assert_allclose(found.stretch.predicted, (10 * noise - line)[at], atol=1e-12)
     np.testing.assert_array_equal(found.alpha, 2 * found.omega)
 
 

@@ -133,7 +133,7 @@ def test_a_gap_costs_samples_and_not_the_answer(short):
     whole, cut = (identify(r, r_cg=short.r_cg_from_q, estimator=SMOOTHED) for r in (run, gapped))
     assert whole.runs[0].samples - cut.runs[0].samples == pytest.approx(800, abs=60)
     assert (np.abs(cut.inertia - whole.inertia) < 2 * whole.standard_uncertainty).all()
-    assert any("1 gaps in the angular velocity" in text for text in cut.warnings)
+    assert any("1 gap in the angular velocity" in text for text in cut.warnings)
 
 
 def test_a_flat_plate_is_not_called_impossible(short, unjudged):

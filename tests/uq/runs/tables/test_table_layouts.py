@@ -106,7 +106,7 @@ def test_missing_cells_leave_out_their_sensor_alone(tmp_path, values, capsys):
     np.testing.assert_allclose(t_wrench, np.delete(TIME, 30), atol=1e-9)
     np.testing.assert_allclose(t_imu, np.delete(TIME, 40), atol=1e-9)
     np.testing.assert_allclose(wrench, np.delete(values[:, :6], 30, axis=0))
-    assert "1 rows of t.csv without force or moment are left out" in capsys.readouterr().out
+    assert "1 row of t.csv without force or moment left out" in capsys.readouterr().out
 
 
 def test_samples_that_coarse_times_lack_are_not_overlooked(tmp_path, values, capsys):
