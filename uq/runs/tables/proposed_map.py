@@ -38,7 +38,7 @@ EULER = re.compile(r"(.*_)?(?P<axis>roll|pitch|yaw)(_?(deg|rad))?")
 ROTATION_VECTOR = re.compile(
     r"(.*_)?(?:r(?:ot(?:ation)?)?(?:_?vec(?:tor)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[345]))"
 )
-POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<n>[012]))")
+POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[012]))")
 SIX = re.compile(r"(.*_)?(ft_raw_wrench|tcp_force|wrench|ft)_?(?P<place>[0-5])")
 """Wrenches of six numbered columns, as a robot's recorder names them."""
 JOINT = re.compile(r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(.*_)?(actual_q|joint|position|q)_?\[?\d\]?")
@@ -280,10 +280,14 @@ class _Guess:
             self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
         elif len(angles := self._matched(EULER, "axis")) == 3:
             self.signals["euler"] = [angles[1], angles[0], angles[2]]  # sorted: pitch, roll, yaw
-        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "n")) == 3:
+        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "place")) == 3:
             self.signals["rotation_vector"] = vector
         turned = self.signals.keys() & {"quaternion", "euler", "rotation_vector"}
-        if turned and "angular_velocity" not in self.signals and len(at := self._matched(POSITION, "axis", "n")) == 3:
+        if (
+            turned
+            and "angular_velocity" not in self.signals
+            and len(at := self._matched(POSITION, "axis", "place")) == 3
+        ):
             self.signals["position"] = at
         if not self.signals.keys().isdisjoint(MOTIONS):
             return
@@ -397,9 +401,13 @@ class _Guess:
         if unit is None:
             return []
         lines = [_line("time", name, self.why), _line("time_unit", unit, why)]
-        if coarse and (round_rate := rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))):
-            why = "the times are coarser than the samples; the roundest rate that they allow"
-            lines.append(_line("rate", f"{round_rate:g} Hz", why))
+        if coarse:
+            roundest = rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))
+            why = (
+                "the roundest that they allow" if roundest else "state it" if rate is None else "as the lines above say"
+            )
+            value = f"{roundest or rate:g} Hz" if roundest or rate else "? Hz"
+            lines.append(_line("rate", value, f"the times are coarser than the samples, whose rate this is: {why}"))
         return lines
 
 
