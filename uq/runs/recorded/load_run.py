@@ -253,8 +253,11 @@ class _Channels:
         raw = (np.hstack([wrench.force, wrench.moment]), np.hstack([imu.angular_velocity, imu.linear_acceleration]))
         for signal, values in zip(("wrench", "motion"), raw, strict=True):
             refuse_excess(signal, values, bag.path.name)
-        if (raw[0] == raw[0][0]).all():
-            raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
+        constant = [not np.ptp(values, axis=0).any() for values in (wrench.force, wrench.moment)]
+        if constant[1] or (constant[0] and wrench.force.any()):  # a force of zero throughout is not measured
+            what = "force and moment" if all(constant) else "the moment" if constant[1] else "the force"
+            verb = "change" if all(constant) else "changes"
+            raise RunError(f"{what} in {bag.path.name} never {verb}: check load cell and driver")
         self.motion = np.hstack(rig.motion(imu))
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(

@@ -21,6 +21,7 @@ from uq.files.csv_columns import CsvTable, read_rows
 from uq.files.table_layout import layout
 from uq.files.toml_text import toml_value
 from uq.files.units import scale
+from uq.runs.tables.gravity_columns import pointing
 from uq.runs.tables.table_map import MOTIONS, WRENCH
 from uq.runs.tables.table_samples import counts, rate_of_coarse
 
@@ -28,6 +29,7 @@ AXES = {
     "acceleration": "a|acc|accel|accelerometer|acceleration|specific_force",
     "force": "f|force|forces",
     "moment": "t|m|torque|torques|moment|moments",
+    "gravity": "(?<!no_)(?<!without_)(?<!free_)(?:gravity|grav|gravity_vector|grv)",
     "angular_velocity": "w|g|gyr|gyro|gyroscope|omega|angular_velocity|angular_rate|ang_vel|rate",
 }
 """Names of signals of three axes in lower case; the first whose name fits takes a column."""
@@ -54,6 +56,9 @@ WORDS = re.compile(
 WIDTHS = {"time": 1, "quaternion": 4}
 """Numbers of columns of signals that have not three."""
 WITHOUT_GRAVITY = re.compile(r"gravity.{0,9}(removed|free|compensated)|(without|no) gravity", re.I)
+OF_GRAVITY = (
+    ", whose gyro tells the heading that vectors of gravity leave open; `inertia centre` takes those of a body at rest"
+)
 SAME = 0.9
 """Correlation of a column's steps with the integral of another from which this is its rate."""
 EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
@@ -120,7 +125,7 @@ def _check(tables: list["_Guess"]) -> None:
     signals_of_tables = {signal for table in tables for signal in table.signals}
     for signals, needed, cure in (
         (WRENCH, "force and moment", f"give the load cell's table as well ({NEEDS_WRIST})"),
-        (MOTIONS, "motion", "give the IMU's table as well"),
+        (MOTIONS, "motion", "give the IMU's table as well" + OF_GRAVITY * any(table.lean for table in tables)),
     ):
         if signals_of_tables.isdisjoint(signals):
             held = listed(name for table in tables for name in table.written)
@@ -144,6 +149,10 @@ class _Guess:
             self._by_name()
         elif not (self._by_words() or self._by_rates()) and len(self.written) >= 10:
             self._by_order()
+        self.lean = "gravity" in self.signals
+        """Whether the table has vectors of gravity."""
+        if self.lean and not self._without_gravity:
+            del self.signals["gravity"]  # nothing that it could be put back to
 
     @property
     def layout_text(self) -> str:
@@ -156,7 +165,7 @@ class _Guess:
 
     def leave(self, other: "_Guess") -> None:
         """Leave wrench or motion to another table that has it."""
-        for signals in (WRENCH, (*MOTIONS, "acceleration")):
+        for signals in (WRENCH, (*MOTIONS, "acceleration", "gravity")):
             if not other.signals.keys().isdisjoint(signals):
                 for signal in signals:
                     self.signals.pop(signal, None)
@@ -181,9 +190,21 @@ class _Guess:
                 stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self.table.numbers(signal))))
                 why = "as the table states" if stated else f"a guess by their size, {largest:.4g} at most"
                 yield _line("position_unit", stated or ("mm" if largest > FARTHEST else "m"), why)
+            elif signal == "gravity":
+                yield _line(signal, columns, f"{self.why}; put back where it was taken out of the acceleration")
+                yield _line("gravity_points", *self._gravity_points())
             else:
                 more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
                 yield _line(signal, columns, f"{self.why}{more}")
+
+    def _gravity_points(self) -> tuple[str, str]:
+        """The end to which the vectors of gravity point, and why."""
+        signals = "force", "acceleration", "gravity"
+        points = None
+        if self.signals.keys() >= set(signals):
+            rows = np.hstack([self.table.numbers(signal) for signal in signals])
+            points = pointing(*np.hsplit(rows[np.isfinite(rows).all(axis=1)], 3))
+        return points or "down", "by the force" if points else "a guess, which import checks by the force"
 
     def _angles(self, signal: str) -> Iterator[str]:
         """Return the lines of what angles mean."""
@@ -211,7 +232,7 @@ class _Guess:
             else:
                 yield _line(key, *self._guessed_unit(signal))
         if self._without_gravity:
-            why = "read at rest: gravity was taken out, which a quaternion in the table puts back"
+            why = "read at rest: gravity was taken out, which vectors of gravity or a quaternion in the table put back"
             yield _line("accelerometer_at_rest", "zero", why)
 
     @cached_property

@@ -288,10 +288,12 @@ def test_a_table_in_place_of_a_recording_is_told_the_command(tmp_path, capsys, n
     assert "`inertia import" in capsys.readouterr().err
 
 
-def test_the_files_of_a_run_are_named_in_it(tmp_path, values):
+def test_the_files_of_a_run_are_named_in_it_and_it_is_no_table(tmp_path, values, capsys):
     (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
-    about = runs.read(proposed(tmp_path, tmp_path / "t.csv")).metadata["rig.run"]
-    assert json.loads(about["imported"])["file"] == "t.csv"
+    run = proposed(tmp_path, tmp_path / "t.csv")
+    assert json.loads(runs.read(run).metadata["rig.run"]["imported"])["file"] == "t.csv"
+    assert main(["import", str(run), "-o", str(tmp_path / "again.mcap")]) == 2
+    assert f"no table {run} but a recording: give it to `inertia inspect`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
