@@ -110,7 +110,7 @@ def said(result, truth) -> dict:
     with np.errstate(invalid="ignore", divide="ignore"):
         off = np.abs(truth - (low + high) / 2) / ((high - low) / 2)
     effects = () if result.undeclared is None else result.undeclared.rows
-    priced = np.sqrt(sum((np.square(effect.inertia) for effect in effects), np.zeros(6)))
+    priced = np.sqrt(sum((np.square(effect.standard_uncertainty[4:]) for effect in effects), np.zeros(6)))
     return {
         "error": (result.inertia - truth).tolist(),
         "u": result.standard_uncertainty.tolist(),

@@ -297,19 +297,17 @@ class _Guess:
         components = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
         if "angular_velocity" not in self.signals:
             self.signals.pop("acceleration", None)
-        if set(components) == set("wxyz"):
-            self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
-        elif len(angles := self._matched(EULER, "axis")) == 3:
-            self.signals["euler"] = [angles[1], angles[0], angles[2]]  # sorted: pitch, roll, yaw
-        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "place")) == 3:
-            self.signals["rotation_vector"] = vector
-        turned = self.signals.keys() & {"quaternion", "euler", "rotation_vector"}
-        if (
-            turned
-            and "angular_velocity" not in self.signals
-            and len(at := self._matched(POSITION, "axis", "place")) == 3
-        ):
-            self.signals["position"] = at
+        quaternion = [components[axis] for axis in "wxyz"] if set(components) == set("wxyz") else []
+        angles = self._matched(EULER, "axis")  # sorted: pitch, roll, yaw
+        euler = [angles[1], angles[0], angles[2]] if len(angles) == 3 else []
+        vector = self._matched(ROTATION_VECTOR, "axis", "place")
+        turned = (
+            self._moves("quaternion", quaternion) or self._moves("euler", euler)
+            or self._moves("rotation_vector", vector if len(vector) == 3 else [])
+        )  # fmt: skip
+        if turned and "angular_velocity" not in self.signals:
+            at = self._matched(POSITION, "axis", "place")
+            self._moves("position", at if len(at) == 3 else [])
         if not self.signals.keys().isdisjoint(MOTIONS):
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
@@ -317,6 +315,13 @@ class _Guess:
             if match and not UNLIKELY.search(name):
                 self.joints[match["joint"] or name] = self.written[place]
                 self.signals.setdefault("joints", []).append(place)
+
+    def _moves(self, signal: str, places: list[int]) -> bool:
+        """Take columns for a signal, unless there are none or they never change; whether they are taken."""
+        self.signals[signal] = places
+        if not places or self._constant(signal):
+            del self.signals[signal]
+        return signal in self.signals
 
     def _by_words(self) -> bool:
         """Signals in the order in which the lines above name them, where their columns then are all that there are."""

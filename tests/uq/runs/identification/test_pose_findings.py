@@ -90,6 +90,7 @@ def test_other_units_are_named_and_obeyed_lead_to_the_truth(tmp_path, unit):
     assert f"{lines} (2.0" in alone
     (weighed,) = table.told(**SCALE)
     assert f"set {lines} (2.0" in weighed
+    assert "a declared mass" not in weighed
     table.is_sound(cure, **SCALE)
 
 

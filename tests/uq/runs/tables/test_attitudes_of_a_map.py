@@ -123,6 +123,23 @@ def test_columns_that_never_change_are_no_sensor(tmp_path, clean, capsys):
             assert "needs a wrist sensor: torques of joints are not used" in capsys.readouterr().err
 
 
+def test_an_attitude_and_a_position_that_never_change_are_not_proposed(tmp_path, clean, capsys):
+    """As of a robot's recorder that writes what it does not know as it was at first: the joints count."""
+    rest = np.tile([0.4, 0.1, 0.5], (len(clean.t), 1))
+    for vector, names in (
+        (rest, {"joints", "joint_unit"}),
+        (clean.attitude.as_rotvec(), {"rotation_vector", "takes", "angle_unit"}),
+    ):
+        head = "timestamp,Fx,Fy,Fz,Mx,My,Mz,rx,ry,rz,px,py,pz," + ",".join(f"actual_q_{k}" for k in range(6))
+        columns = np.column_stack([clean.t, clean.force, clean.moment, vector, rest, clean.joints])
+        np.savetxt(tmp_path / "t.csv", columns, delimiter=",", header=head, comments="")
+        assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 1
+        columns = tomllib.loads((tmp_path / "run.map.toml").read_text())["columns"]
+        assert set(columns) - {"time", "time_unit", "force", "moment"} == names
+        (tmp_path / "run.map.toml").unlink()
+    capsys.readouterr()
+
+
 def test_a_recording_without_a_wrench_is_told_what_it_needs(tmp_path, clean, capsys):
     run = runs.read_any(posed_runs.write(tmp_path / "run", clean, "joints", "mcap"))
     runs.write(tmp_path / "bare.mcap", imu=run.motion)
