@@ -57,7 +57,7 @@ WIDTHS = {"time": 1, "quaternion": 4}
 """Numbers of columns of signals that have not three."""
 WITHOUT_GRAVITY = re.compile(r"gravity.{0,9}(removed|free|compensated)|(without|no) gravity", re.I)
 OF_GRAVITY = (
-    ", whose gyro tells the heading that vectors of gravity leave open; `inertia centre` takes those of a body at rest"
+    ": vectors of gravity leave the heading open: give the gyro's table as well, or take `inertia centre`, of rest"
 )
 SAME = 0.9
 """Correlation of a column's steps with the integral of another from which this is its rate."""
@@ -123,13 +123,14 @@ def _line(key: str, value: Any, why: str) -> str:
 def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
     signals_of_tables = {signal for table in tables for signal in table.signals}
+    held = f" ({listed(name for table in tables for name in table.written)})"
+    lean = any(table.lean for table in tables)
     for signals, needed, cure in (
-        (WRENCH, "force and moment", f"give the load cell's table as well ({NEEDS_WRIST})"),
-        (MOTIONS, "motion", "give the IMU's table as well" + OF_GRAVITY * any(table.lean for table in tables)),
+        (WRENCH, "force and moment", f": give the load cell's table as well, or write a map; {NEEDS_WRIST}"),
+        (MOTIONS, "motion", OF_GRAVITY if lean else f"{held}: give the IMU's table as well, or write a map"),
     ):
         if signals_of_tables.isdisjoint(signals):
-            held = listed(name for table in tables for name in table.written)
-            raise RunError(f"no columns of {needed} among those of {names} ({held}): {cure}, or write a map")
+            raise RunError(f"no columns of {needed} among those of {names}{cure}")
 
 
 class _Guess:

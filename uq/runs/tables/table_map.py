@@ -68,12 +68,8 @@ class MapColumns(AttitudeColumns, frozen=True, kw_only=True):
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")
         if self.gravity is not None and self.acceleration is None:
-            raise WrongKeyError(
-                "gravity", "add angular_velocity and acceleration, or name a rotation in its place; of bodies at rest "
-                "`inertia centre` takes gravity alone",
-                "leaves the heading open, and with it the angular velocity: beside a gyro and an acceleration from "
-                "which it was taken out it tells mass and centre of gravity",
-            )  # fmt: skip
+            cure = "add angular_velocity and the acceleration without it, which then tell the mass"
+            raise WrongKeyError("gravity", f"{cure}, or take `inertia centre`, of rest", "leaves the heading open")
         if self.position is not None and motions != attitudes:
             raise WrongKeyError("position", "remove it, or the angular velocity", "belongs to an attitude alone")
         if self.quaternion is None or self.angle_unit is not None:

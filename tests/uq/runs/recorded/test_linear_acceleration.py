@@ -95,8 +95,8 @@ def test_columns_of_gravity_put_it_back(tmp_path, clean, linear, capsys, sign, l
 @pytest.mark.parametrize(
     ("columns", "line", "words"),
     [
-        ("", "", "leave open; `inertia centre` takes those of a body at rest"),
-        ("", 'rate = "9 Hz"\n', "gravity leaves the heading open, and with it the angular velocity"),
+        ("", "", "leave the heading open: give the gyro's table as well, or take `inertia centre`"),
+        ("", 'rate = "9 Hz"\n', "gravity leaves the heading open: add angular_velocity"),
         (",wx,wy,wz", 'rate = "9 Hz"\nangular_velocity = ["wx", "wy", "wz"]\n', "gravity leaves the heading open"),
         (
             ",wx,wy,wz,ax,ay,az",
@@ -120,6 +120,7 @@ def test_what_gravity_alone_cannot_tell_is_one_line(tmp_path, capsys, columns, l
     assert main(command) == 2
     (said,) = capsys.readouterr().err.splitlines()
     assert words in said
+    assert len(said) - len(str(tmp_path)) < 200
 
 
 def test_readings_with_gravity_are_refused_where_it_is_declared_without(tmp_path, clean):

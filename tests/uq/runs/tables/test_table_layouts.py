@@ -278,7 +278,9 @@ def test_a_table_that_tells_nothing_is_named(tmp_path, values, capsys, first):
 def test_a_table_without_a_whole_row_of_numbers_is_one_line(tmp_path, capsys):
     (tmp_path / "t.csv").write_text("1,a\nb,2\n" * 30)
     assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
-    assert "no columns of force and moment among those of t.csv (1, 2)" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no columns of force and moment among those of t.csv: give the load cell's table" in line
+    assert len(line) < 200
 
 
 @pytest.mark.parametrize("name", ["run.csv", "run.npz", "run.xlsx", "run.mat"])
