@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.signals.run import RunError
+from identify.signals.run import RunError, refuse_excess
 from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.exceptions import on_one_line
 from rig.mcap.message_definitions import JOINTS, POSE
@@ -156,6 +156,12 @@ def _with_gravity(
         ExperimentError: the force shows that they point the other way.
         RunError: their length is not that of gravity.
     """
+    for signal, vectors in {
+        "force": raw.wrench.force,
+        "acceleration": raw.imu.linear_acceleration,
+        "gravity": gravity,
+    }.items():
+        refuse_excess(signal, vectors, sensor.path.name)
     linear, declared_points = raw.imu.linear_acceleration, sensor.declared.gravity_points or "down"
     zero, order = stamps[1][0], np.argsort(stamps[0])
     seconds = [(stamp - zero) * 1e-9 for stamp in stamps]

@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import without_gravity
-from identify.signals.run import RunError
+from identify.signals.run import RunError, refuse_excess
 from rig.atomic_files import replacing
 from rig.bags.topics import NEEDS_WRIST
 from rig.exceptions import RigError, listed, on_one_line
@@ -188,7 +188,7 @@ class _Guess:
                 yield from self._angles(signal)
             elif signal == "position":
                 yield _line(signal, columns, self.why)
-                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self.table.numbers(signal))))
+                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self._numbers(signal))))
                 why = "as the table states" if stated else f"a guess by their size, {largest:.4g} at most"
                 yield _line("position_unit", stated or ("mm" if largest > FARTHEST else "m"), why)
             elif signal == "gravity":
@@ -203,13 +203,13 @@ class _Guess:
         signals = "force", "acceleration", "gravity"
         points = None
         if self.signals.keys() >= set(signals):
-            rows = np.hstack([self.table.numbers(signal) for signal in signals])
+            rows = np.hstack([self._numbers(signal) for signal in signals])
             points = pointing(*np.hsplit(rows[np.isfinite(rows).all(axis=1)], 3))
         return points or "down", "by the force" if points else "a guess, which import checks by the force"
 
     def _angles(self, signal: str) -> Iterator[str]:
         """Return the lines of what angles mean."""
-        values = self.table.numbers(signal)
+        values = self._numbers(signal)
         named = "deg" if any(self.plain[place].endswith("deg") for place in self.signals[signal]) else ""
         largest = float(np.nanmax(np.abs(values)))
         unit = named or ("deg" if largest > 2 * np.pi else "rad")
@@ -251,7 +251,7 @@ class _Guess:
             return False
         else:
             time = np.arange(len(self.table.frame)) / float(lines["rate"].removesuffix(" Hz"))
-        rows = np.column_stack([time, *(self.table.numbers(name) for name in ("angular_velocity", "acceleration"))])
+        rows = np.column_stack([time, *(self._numbers(name) for name in ("angular_velocity", "acceleration"))])
         rows = rows[np.isfinite(rows).all(axis=1)]
         rate = self.layout.unit(self.signals["angular_velocity"], "rad/s") or self._guessed_unit("angular_velocity")[0]
         return without_gravity(ImuSignal(rows[:, 0], rows[:, 1:4] * scale(rate, "rad/s"), rows[:, 4:]))
@@ -276,10 +276,16 @@ class _Guess:
             self.signals |= {"force": six[:3], "moment": six[3:]}
         self._attitude()
 
+    def _numbers(self, signal: str) -> np.ndarray:
+        """Return the numbers of a signal, none of which is beyond any sensor."""
+        values = self.table.numbers(signal)
+        refuse_excess(signal, values, self.path.name)
+        return values
+
     def _constant(self, signal: str) -> bool:
         """Whether columns that are named like a signal never change."""
         try:
-            values = self.table.numbers(signal)
+            values = self._numbers(signal)
         except RunError:
             return False
         values = values[np.isfinite(values).all(axis=1)]
@@ -366,7 +372,7 @@ class _Guess:
             return UNITS[signal], f"a guess: the table says {written}, which is no unit known here; correct it"
         if signal in WRENCH:
             return UNITS[signal], "a guess: the table states none; inertia inspect detects a wrong one"
-        values = self.table.numbers(signal)
+        values = self._numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
         if signal == "acceleration" and self._without_gravity:
             return UNITS[signal], "a guess: without gravity nothing tells its unit"

@@ -146,6 +146,13 @@ def test_a_head_or_first_row_of_another_width_is_one_line(tmp_path, values, caps
     assert words in capsys.readouterr().err
 
 
+def test_a_number_beyond_any_sensor_is_one_line(tmp_path, values, capsys):
+    values[5, 7] = 1e200
+    (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
+    assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
+    assert "angular_velocity in t.csv is 1.0e+200 at sample 5: no sensor reads so much" in capsys.readouterr().err
+
+
 def test_one_step_of_coarse_times_tells_no_rate(tmp_path, values, capsys):
     rows = [[f"{np.floor(5 * t + 0.4):.0f}", *row] for t, row in zip(TIME, values, strict=True)]
     (tmp_path / "t.csv").write_bytes(table(rows))
