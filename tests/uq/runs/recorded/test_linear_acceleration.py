@@ -2,9 +2,11 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from identify.judge.conventions.convention_fit import ImuSignal, WrenchSignal
 from identify.judge.conventions.wrench_findings import imu_findings
@@ -45,6 +47,16 @@ def test_without_an_attitude_it_is_not_used_and_the_mass_is_not_determined(tmp_p
     result = identify_files(path, experiment)
     assert result.mass is None
     assert not [text for text in result.warnings if "suspicious" in text]
+
+
+def test_an_attitude_whose_heading_is_unknown_and_drifts_puts_gravity_back(tmp_path, linear):
+    """As of a fusion without a magnetometer: here by 1 deg/s."""
+    heading = Rotation.from_euler("z", (70 + linear.t)[:, None], degrees=True)
+    drifting = replace(linear, quaternion=(heading * Rotation.from_quat(linear.quaternion)).as_quat())
+    path = posed_runs.write(tmp_path / "run", drifting, "quaternion", "mcap")
+    result = identify_files(path, posed_runs.experiment(tmp_path, "quaternion", **DECLARED))
+    assert result.mass == pytest.approx(posed_runs.MASS, abs=4e-3)
+    assert result.warnings == ()
 
 
 def test_the_proposed_map_of_a_table_leads_to_the_mass(tmp_path, linear, capsys):
