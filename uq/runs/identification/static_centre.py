@@ -225,7 +225,8 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     attitude, force, moment = (
         table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
     )
-    refuse_excess(str(poses.attitude), attitude, name)
+    for signal, values in ((str(poses.attitude), attitude), ("force", force), ("moment", moment)):
+        refuse_excess(signal, values, name)
     if poses.joints is not None:
         attitude, poses = _by_joints(attitude, poses, experiment.recording, name)
         experiment = replace(experiment, poses=poses)
