@@ -17,7 +17,8 @@ The mean of a filter's response shows in the force's slope, the spread of its re
 better than with a delay alone.
 
 A motion far below the corner shows only the mean of the response. A lag that explains what looked like a small turn
-of the axes is named as such, with its two explanations: stamps that are late, and a low-pass of that time constant.
+of the axes, or that the `sigma_delay` declared of method `joint` does not let expect, is named with its two
+explanations: stamps that are late, and a low-pass of that time constant.
 
 ## What to do
 
@@ -101,6 +102,8 @@ class LateSensor(Finding):
     """Standard uncertainty of the lag [s]."""
     weakened: float
     """Part of the force's and moment's changes that a low-pass of this lag takes."""
+    declared: float = 0.0
+    """Delay of the IMU that is declared already [s]."""
 
     @property
     def looks(self) -> str:
@@ -113,7 +116,9 @@ class LateSensor(Finding):
 
     @property
     def cure(self) -> Cure:
-        late = Entries({"delay": f"{-self.lag:.4f} s"}, remark=" (of method joint) if its stamps are late")
+        late = Entries(
+            {"delay": f"{self.declared - self.lag:.4f} s"}, remark=" (of method joint) if its stamps are late"
+        )
         change = f"mass and tensor are then {'larger' if self.lag > 0 else 'smaller'} by about {self._percent} %"
         corner = Entries(
             {"wrench_lowpass": f"{significant(1 / (2 * np.pi * abs(self.lag)), 3)} Hz"},

@@ -70,6 +70,21 @@ def test_of_a_slow_motion_delay_and_low_pass_are_both_named(tmp_path, monkeypatc
     assert result.mass_uncertainty < 1e-3
 
 
+def test_a_lag_is_named_where_the_delay_is_said_to_be_exact(tmp_path, clean):
+    """At 10 Hz, twice the corner that the motion tells from a delay: the estimate did not converge, without a word of it."""
+    path = posed_runs.write(tmp_path / "run", posed_runs._low_passed(10.0)(clean), "joints", "mcap")
+    experiment = posed_runs.experiment(tmp_path, "joints", sigma_delay="0 s")
+    (finding,) = experiment_findings(load(path, experiment.recording, band=posed_runs.BAND).run, experiment)
+    named = re.search(r'or wrench_lowpass = "(\S+) Hz"', str(finding))[1]
+    assert float(named) == pytest.approx(10.0, rel=0.05)
+    free = posed_runs.experiment(tmp_path, "joints")
+    assert experiment_findings(load(path, free.recording, band=posed_runs.BAND).run, free) == []
+    cured = posed_runs.experiment(tmp_path, "joints", sigma_delay="0 s", wrench_lowpass=f"{named} Hz")
+    result = identify_files(path, cured)
+    assert result.warnings == ()
+    assert abs(result.mass - posed_runs.MASS) < 3 * result.mass_uncertainty
+
+
 def test_a_motion_behind_the_low_pass_is_not_said_to_be_the_wrench(clean):
     filtered = posed_runs.CONVENTIONS["low_passed_at_3_Hz"](
         posed_runs.replace(clean, force=clean.omega, moment=clean.specific_force)
