@@ -105,8 +105,8 @@ def check_rate(run: Run, estimator: EstimatorSpec) -> None:
         if estimator.band is None or not 0 < highest < estimator.band:
             raise RunError(f"{run.name} at {run.rate:.6g} Hz: {error}") from None
         raise RunError(
-            f"{run.name} has {run.rate:.6g} Hz, too few to differentiate a motion of {estimator.band:g} Hz, the band "
-            f"of estimator '{estimator.name}': record faster, or state the motion's band, here at most {highest:.3g} Hz"
+            f"{run.name} has {run.rate:.6g} Hz, too few to differentiate a motion of {estimator.band:.3g} Hz "
+            f"(estimator '{estimator.name}'): record faster, or state a band, here at most {highest:.3g} Hz"
         ) from None
 
 

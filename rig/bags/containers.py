@@ -165,6 +165,8 @@ def refuse_other(path: PathLike, start: bytes, name: str) -> None:
     """
     by_start = (what for first, what in OTHERS.items() if start.startswith(first))
     known = BY_NAME.get(Path(path).suffix.lower()) or next(by_start, None)
+    if start.startswith((MAGIC, ZSTD, b"SQLite format 3\0", b"#ROSBAG V2.0")):
+        raise RigError(f"no table {name} but a recording: give it to `inertia inspect` or `inertia identify` as it is")
     if known is not None:
         raise RigError(f"neither recording nor table {name} but {known[0]}: {known[1]}")
 

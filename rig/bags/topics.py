@@ -205,10 +205,12 @@ class Contents:
             raise RigError(f"several {first} topics in {self.path}: name one of {listed(filled)} ([recording], {key})")
         if not candidates:
             held = [f"{name} ({kind})" for name, kind in sorted(self.types.items())]
-            wrist = f"; {NEEDS_WRIST}" if set(wanted) <= set(WRENCHES) else ""
+            other = "write another type's fields as one of these, or a table"
+            wrench = set(wanted) <= set(WRENCHES)
+            cure, missing = (NEEDS_WRIST, "WrenchStamped or Wrench") if wrench else (other, expected)
             raise RigError(
-                f"no {expected} topic in {self.path}: it has {listed(held) or 'none'}{wrist}; write another "
-                "type's fields as one of these, or a table (docs/how-to/recordings.md#messages-of-other-types)"
+                f"no {missing} topic in {self.path}: it has {listed(held) or 'none'}; {cure} "
+                "(docs/how-to/recordings.md#messages-of-other-types)"
             )
         chosen = topic or (filled or candidates)[0]
         if chosen not in self.topics:

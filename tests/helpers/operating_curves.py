@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from scipy.spatial.transform import Rotation
 
 from identify.display.reporting import place_in_docs
@@ -34,7 +35,7 @@ from identify.errors.error_model import CauseWords
 from identify.errors.registry import ERRORS
 from identify.judge.finding_pages import FindingPage, all_findings
 from tests.helpers.laboratory import FINE, Measured, measure
-from tests.helpers.laboratory_mechanics import base_angles, base_motion
+from tests.helpers.laboratory_mechanics import GRAVITY, base_angles, base_motion
 from tests.helpers.trouble_study import CLEAN, FIRST, begin, rows_in, said
 from tests.helpers.troubles import TROUBLES, size_for
 
@@ -98,6 +99,23 @@ def _force_late(measured: Measured, delay: float) -> Measured:
     return replace(measured, force=np.stack(late, axis=1))
 
 
+def _low_passed(measured: Measured, corner: float) -> Measured:
+    """The wrench behind a low-pass of first order [Hz], exact for lines from sample to sample; its zero passes whole."""
+    step = measured.t_wrench[1] - measured.t_wrench[0]
+    system = (1.0, [1 / (2 * np.pi * corner), 1.0])
+    (taps,), poles, _ = scipy.signal.cont2discrete(system, step, method="foh")
+    force, moment = (
+        scipy.signal.lfilter(taps, poles, x - x[0], axis=0) + x[0] for x in (measured.force, measured.moment)
+    )
+    return replace(measured, force=force, moment=moment)
+
+
+def _without_gravity(measured: Measured, share: float) -> Measured:
+    """The accelerometer's readings without so much of gravity."""
+    up = base_motion(measured.setup).up[:: FINE // measured.setup.rate]
+    return replace(measured, acceleration=measured.acceleration - share * GRAVITY * up)
+
+
 def _accelerometer_late(measured: Measured, delay: float) -> Measured:
     late = [np.interp(measured.t_imu - delay, measured.t_imu, values) for values in measured.acceleration.T]
     return replace(measured, acceleration=np.stack(late, axis=1))
@@ -139,6 +157,10 @@ CURVES = {
     ),
     "clock": Curve("clock", (1e-5, 3e-5, 1e-4, 3e-4), "joint"),
     "filter": Curve("force alone late", (1e-4, 3e-4, 1e-3, 3e-3), "source", "s", _force_late),
+    "filter, by conventions": Curve(
+        "low-pass of the wrench", (20.0, 10.0, 5.0, 3.0), CONVENTIONS, "Hz", _low_passed, "filter"
+    ),
+    "linear acceleration": Curve("acceleration without gravity", (1.0,), CONVENTIONS, "", _without_gravity),
     "nonlinearity": Curve("nonlinearity"),
     "resonance": Curve("hum", (0.1, 0.3, 1.0, 3.0)),
     "saturation": Curve("clipping", (0.001, 0.01, 0.1, 0.3)),

@@ -80,7 +80,9 @@ def joints_run(path, seconds=2.0):
         for k, (time_, stamp) in enumerate(zip(t, stamps, strict=True)):
             moved = tuple(np.concatenate([turns * np.sin(time_), turns * np.cos(time_)]).tolist())
             for number, data in zip(
-                numbers, (wrench(stamp, (time_, -time_, 2 * time_, 1, 2, 3)), joints(stamp, moved)), strict=True
+                numbers,
+                (wrench(stamp, (time_, -time_, 2 * time_, 1 + time_, 2 - time_, 3 + time_)), joints(stamp, moved)),
+                strict=True,
             ):
                 writer.add_message(number, stamp, data, stamp, k)
         writer.finish()

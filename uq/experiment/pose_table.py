@@ -61,8 +61,16 @@ class AttitudeColumns(ColumnsTable, frozen=True, kw_only=True):
     """Direction of the rotation: from sensor to level components, or back; the level frame's z is up, unless
     ``recording.urdf_gravity`` says otherwise."""
 
+    gravity: Axes[str] | None = None
+    """The columns of the vector of gravity along the sensor's axes, of any length: one of four ways to tell the
+    attitude."""
+    gravity_points: Literal["down", "up"] | None = None
+    """The vectors of ``gravity`` point there; missing: downwards."""
+
     def check_rotation(self, attitude: str | None) -> None:
         """Refuse a rotation whose direction, unit or order is missing."""
+        if self.gravity_points is not None and self.gravity is None:
+            raise WrongKeyError("gravity_points", "remove it", "belongs to columns of gravity")
         if attitude in ROTATIONS and self.takes is None:
             raise WrongKeyError("takes", 'write "sensor_to_level" or "level_to_sensor"')
         if attitude in ANGLES and self.angle_unit is None:
@@ -109,8 +117,6 @@ class Poses(AttitudeColumns, frozen=True, kw_only=True):
     """The columns of the force's components."""
     moment: Axes[str] | None = None
     """The columns of the moment's components."""
-    gravity: Axes[str] | None = None
-    """The columns of gravity's components in the sensor's frame: one of four ways to tell the attitude."""
     acceleration: Axes[str] | None = None
     """The columns of an accelerometer's components, an alternative to ``gravity``."""
     joints: Mapping[str, str] | None = None
@@ -153,7 +159,8 @@ class Poses(AttitudeColumns, frozen=True, kw_only=True):
             "takes", "rate", "euler_convention", "angle_unit", "accelerometer", "sigma_attitude", "sigma_alignment",
             "sigma_accelerometer",
         )  # fmt: skip
-        return {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
+        declared = {"columns": self.columns, "attitude": self.attitude, **{key: getattr(self, key) for key in keys}}
+        return declared | ({"gravity_points": self.gravity_points} if self.gravity_points else {})
 
 
 def uncertain(specific_force: np.ndarray, poses: Poses, sensor: Accelerometer | None, turn: np.ndarray) -> Attitudes:
@@ -208,8 +215,13 @@ def _rotation(value: np.ndarray, poses: Poses) -> np.ndarray:
     return np.asarray(turn.from_euler(str(poses.euler_convention), value, degrees=degrees).as_matrix())
 
 
-def upward(values: np.ndarray, name: str) -> np.ndarray:
-    """Return the direction opposite to each pose's vector of gravity, (n, 3).
+def upward(values: np.ndarray, poses: Poses, name: str) -> np.ndarray:
+    """Return the direction opposite to gravity of each pose's vector, (n, 3).
+
+    Args:
+        values: the vectors as they stand in the table, (n, 3).
+        poses: what they mean.
+        name: what messages call the table.
 
     Raises:
         RunError: a vector is zero.
@@ -217,7 +229,7 @@ def upward(values: np.ndarray, name: str) -> np.ndarray:
     length = np.linalg.norm(values, axis=1, keepdims=True)
     if not length.all():
         raise RunError(f"gravity of pose {int(np.argmin(length)) + 1} in {name} is zero: write the vector of gravity")
-    return np.asarray(-values / length)
+    return np.asarray(values / length * (1.0 if poses.gravity_points == "up" else -1.0))
 
 
 def of_accelerometer(

@@ -14,7 +14,8 @@ import numpy as np
 from identify.signals.run import RunError
 from rig.exceptions import quoted, reason
 from rig.toml_tables import TomlTable, WrongKeyError
-from uq.files.table_layout import MISSING, TableLayout, layout
+from uq.files.table_layout import MISSING, TableLayout, layout, ungrouped
+from uq.files.units import NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -141,7 +142,7 @@ def read_rows(shape: TableLayout) -> "pd.DataFrame":
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a first row that is longer is cut otherwise
-            return pd.read_csv(
+            frame = pd.read_csv(
                 shape.path, sep=r"\s+" if shape.delimiter == " " else shape.delimiter, decimal=shape.decimal,
                 header=None, names=range(len(shape.names)), index_col=False, skiprows=shape.first - 1,
                 skipinitialspace=True, encoding=shape.encoding, encoding_errors=errors, low_memory=False,
@@ -150,4 +151,16 @@ def read_rows(shape: TableLayout) -> "pd.DataFrame":
             )  # fmt: skip
     except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
         why = reason(str(error).removeprefix("Error tokenizing data. C error: "))
+        why = f"line {shape.first}" if isinstance(error, pd.errors.ParserWarning) else why
         raise RunError(f"a row of {shape.path.name} has more cells than others ({why}): correct the table") from None
+    for place in [place for place in frame if not pd.api.types.is_numeric_dtype(frame[place])]:
+        frame[place] = frame[place].map(lambda cell: _plain(cell, shape.decimal), na_action="ignore")
+    return frame
+
+
+def _plain(cell: object, decimal: str) -> object:
+    """A cell that is a number, as Python writes it; others as they are."""
+    if not isinstance(cell, str):
+        return cell
+    number = ungrouped(cell.strip(), decimal).replace(decimal, ".")
+    return number if NUMBER.fullmatch(number) else cell

@@ -23,6 +23,8 @@ SAMPLE = 2**18
 """Bytes of a file from which its layout is told."""
 ROWS = 50
 """Rows that are compared for it."""
+BROKEN = 5
+"""Broken rows that may stand between the names and the first row of numbers."""
 DELIMITERS = ",;\t| "
 DECIMALS = ".,"
 MISSING = frozenset({"", "nan", "-nan", "n/a", "na", "null", "none"})
@@ -30,6 +32,8 @@ MISSING = frozenset({"", "nan", "-nan", "n/a", "na", "null", "none"})
 UNIT_IN_NAME = re.compile(r"(?P<name>.*\S)\s*[\[(](?P<unit>[^\])]*)[\])]")
 COMMENT = re.compile(r"^[#%/\s]+")
 """Characters that some programs write in front of the first name."""
+GROUPED = re.compile(r"([-+]?[1-9]\d{0,2})((?P<mark>[.,'’ \u00a0\u202f])\d{3})((?P=mark)\d{3})*(?P<fraction>[.,]\d*)?")
+"""Pattern of a number with marks between thousands."""
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 SPELLINGS = {
     "nm": "N*m", "newton": "N", "newtonmeter": "N*m", "nmm": "N*mm", "mnm": "mN*m", "ncm": "N*cm",
@@ -133,9 +137,14 @@ def layout(path: str | Path, delimiter: str | None = None, decimal: str | None =
     best = max(((d, m) for d in delimiter or DELIMITERS for m in decimal or DECIMALS if d != m), key=fit)
     if not fit(best)[0]:
         raise RunError(f"no rows of numbers in {path.name}: give a table as text (CSV), one row per sample")
-    cells, alike = (_cells(part, best[0]) for part in (lines, typical))
+    cells, alike = (
+        [[ungrouped(cell, best[1]) for cell in row] for row in _cells(part, best[0])] for part in (lines, typical)
+    )
     width = Counter(map(len, alike)).most_common(1)[0][0]
-    names, units, first = _head(cells, [row for row in alike if len(row) == width], best[1])
+    names, units, first, above = _head(cells, [row for row in alike if len(row) == width], best[1])
+    last = cells[first - 1] if first and not names else []
+    if last and 0 < width - len(last) <= 2 and _names(last) and not _numbers_and_others(last, best[1])[0]:
+        raise RunError(f"line {first} of {path.name} has {len(last)} names for {width} columns: name every column")
     written = names or tuple(str(i + 1) for i in range(width))
     parts = [(UNIT_IN_NAME.fullmatch(name) or {"name": name, "unit": ""}) for name in written]
     below = (*units, *[""] * len(written))
@@ -143,8 +152,18 @@ def layout(path: str | Path, delimiter: str | None = None, decimal: str | None =
         path=path, encoding=encoding, delimiter=best[0], decimal=best[1], written=written, named=bool(names),
         names=tuple(part["name"] for part in parts), first=first + 1,
         units=tuple(unit or part["unit"] for unit, part in zip(below, parts, strict=False)),
-        preamble="\n".join(lines[: first - bool(names) - bool(units)]),
+        preamble="\n".join(lines[:above]),
     )  # fmt: skip
+
+
+def ungrouped(cell: str, decimal: str) -> str:
+    """Return a cell without the marks between thousands; "1,008" alone stays, since its comma may be decimal."""
+    match = GROUPED.fullmatch(cell)
+    if match is None or match["mark"] == decimal:
+        return cell
+    fraction = match["fraction"] or ""
+    certain = fraction[:1] == decimal or (not fraction and cell.count(match["mark"]) > 1)
+    return cell.replace(match["mark"], "") if certain else cell
 
 
 def _decoded(data: bytes, name: str) -> tuple[str, str]:
@@ -177,8 +196,10 @@ def _numbers_and_others(cells: Iterable[str], decimal: str) -> tuple[int, int]:
     return kinds[True], kinds[False]
 
 
-def _head(rows: list[list[str]], alike: list[list[str]], decimal: str) -> tuple[tuple[str, ...], tuple[str, ...], int]:
-    """Names and units of the columns, () where there are none, and the index of the first row of numbers.
+def _head(
+    rows: list[list[str]], alike: list[list[str]], decimal: str
+) -> tuple[tuple[str, ...], tuple[str, ...], int, int]:
+    """Names and units of the columns, () where there are none, the first row of numbers, and how many rows are above.
 
     Args:
         rows: all rows.
@@ -186,6 +207,7 @@ def _head(rows: list[list[str]], alike: list[list[str]], decimal: str) -> tuple[
         decimal: decimal mark.
     """
     width = len(alike[0])
+    least = width - (not any(row[-1] for row in alike))  # a mark behind each row of numbers, and none behind the names
     counts = [_numbers_and_others(column, decimal) for column in zip(*alike, strict=True)]
     texts = {i for i, (numbers, others) in enumerate(counts) if numbers < others}
 
@@ -194,19 +216,27 @@ def _head(rows: list[list[str]], alike: list[list[str]], decimal: str) -> tuple[
         return len(row) == width and numbers > 0 and others == 0
 
     def kind(i: int) -> str:
-        if i < 0 or len(rows[i]) < width:
+        if i < 0 or len(rows[i]) < least:
             return "short"
         return "sample" if _numbers_and_others(rows[i], decimal)[0] else "words"
 
     first = next((i for i, row in enumerate(rows) if of_numbers(row)), len(rows))
     while kind(first - 1) == "sample":  # it has a cell that cannot be read: no names
         first -= 1
-    if kind(first - 1) != "words":
-        return (), (), first
-    above = tuple(rows[first - 1])
-    if kind(first - 2) == "words" and _units(above):
-        return tuple(rows[first - 2]), above, first
-    return above, (), first
+    head = first - 1
+    while kind(head) == "short" and head > max(first - 1 - BROKEN, 0):  # a logger began within a row, or left a line
+        head -= 1
+    if kind(head) != "words" or (head < first - 1 and not (_names(rows[head]) or _units(rows[head]))):
+        return (), (), first, first
+    words = (*rows[head], *[""] * (width - len(rows[head])))
+    if kind(head - 1) == "words" and _units(words):
+        return tuple(rows[head - 1]), words, first, head - 1
+    return words, (), first, head
+
+
+def _names(cells: Sequence[str]) -> bool:
+    """Whether cells could name columns: all of them differ, and none is empty."""
+    return len(set(cells)) == len(cells) and all(cells)
 
 
 def _units(cells: Sequence[str]) -> bool:

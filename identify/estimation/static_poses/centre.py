@@ -95,8 +95,7 @@ def centre(
     if solution.values[0] <= 0:
         raise RunError(
             f"the force in {name} points along gravity (mass {solution.values[0]:.4g} kg): the wrench has the "
-            "opposite sign or other axes, or the attitude is upside down; correct recording.wrench or the attitude's "
-            "declaration"
+            "opposite sign or other axes, or the attitude is upside down: correct recording.wrench or the attitude"
         )
     check = None if mass is None else _checked(solution, mass)
     if check is not None and not check.contradicts:

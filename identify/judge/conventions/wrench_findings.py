@@ -26,11 +26,12 @@ from identify.judge.conventions.convention_fit import (
 from identify.judge.conventions.examined_run import LEAST_GRAVITY, ExaminedRun
 from identify.judge.conventions.findings.axes import accelerometer_finding, other_axes
 from identify.judge.conventions.findings.euler_rates import euler_rates_finding
+from identify.judge.conventions.findings.filter import late_sensor
 from identify.judge.conventions.findings.linear_acceleration import gravity_removed
 from identify.judge.conventions.findings.mirror import ImuMirrored, mirrored_wrench
 from identify.judge.conventions.findings.point import other_point
 from identify.judge.conventions.findings.sign import SignReading, sign_finding
-from identify.judge.conventions.findings.turned import rotation_finding, small_turn_findings
+from identify.judge.conventions.findings.turned import TurnedALittle, rotation_finding, small_turn_findings
 from identify.judge.conventions.findings.unit import imu_unit_findings, unit_findings_of_run
 from identify.judge.conventions.findings.weight import weight_missing, weight_partly_missing
 from identify.judge.conventions.free_rotation import explains, oblique_rotation, other_sign
@@ -73,10 +74,24 @@ def wrench_findings(
         return verdict.findings
     if verdict.gravity is not None and attitude is not None and attitude.gravity is not None:
         change = np.einsum("nji,j->ni", attitude.to_rest, attitude.gravity - verdict.gravity)
-        sums = convention_sums(wrench, imu._replace(specific_force=imu.specific_force + change)) or sums
+        imu = imu._replace(specific_force=imu.specific_force + change)
+        sums = convention_sums(wrench, imu) or sums
     upward = 0.0 if attitude is None or attitude.source == "gyro" else attitude.upward(imu.specific_force)
     examined = ExaminedRun(sums, declared, wrench_topic, imu_topic, upward=upward)
-    return [*verdict.findings, *findings_of_run(examined)]
+    findings = list(findings_of_run(examined))
+    if any(isinstance(finding, TurnedALittle) for finding in findings):
+        findings = _late_in_place_of_turned(wrench, imu, examined) or findings
+    return [*verdict.findings, *findings]
+
+
+def _late_in_place_of_turned(wrench: WrenchSignal, imu: ImuSignal, run: ExaminedRun) -> list[Finding]:
+    """Return the findings with a sensor that is late, where without its lag no small turn is left; none: one is."""
+    late = late_sensor(wrench, imu, run.wrench)
+    sums = None if late is None else convention_sums(wrench._replace(time=wrench.time - late.lag), imu)
+    if late is None or sums is None:
+        return []
+    findings = list(findings_of_run(ExaminedRun(sums, run.declared, run.wrench, run.imu, upward=run.upward)))
+    return [] if any(isinstance(finding, TurnedALittle) for finding in findings) else [late, *findings]
 
 
 def findings_of_run(run: ExaminedRun) -> Iterator[Finding]:

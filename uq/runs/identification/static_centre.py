@@ -204,7 +204,8 @@ def _upside_down(wrenches: _Wrenches, experiment: Experiment) -> SignReading:
     if wrenches.measured:
         return DOWNWARDS
     if experiment.poses is not None and experiment.poses.attitude == "gravity":
-        return SignReading("the vectors of gravity point up", "the other sign in their columns")
+        points = "down" if experiment.poses.gravity_points == "up" else "up"
+        return SignReading(f"the vectors of gravity point {points}", Entries({"gravity_points": points}, table="poses"))
     gravity = -experiment.recording.gravity_of_poses(experiment.gravity)
     return SignReading("gravity is upside down", gravity_entry(gravity))
 
@@ -229,7 +230,8 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     attitude, force, moment = (
         table.numbers(signal, complete=True) for signal in (str(poses.attitude), "force", "moment")
     )
-    refuse_excess(str(poses.attitude), attitude, name)
+    for signal, values in ((str(poses.attitude), attitude), ("force", force), ("moment", moment)):
+        refuse_excess(signal, values, name)
     if poses.joints is not None:
         attitude, poses = _by_joints(attitude, poses, experiment.recording, name)
         experiment = replace(experiment, poses=poses)
@@ -250,7 +252,7 @@ def _table_wrenches(path: str | Path, experiment: Experiment, windows: Sequence[
     if sensed:
         readings = rig.scales["acceleration"] * attitude
     elif to_rest is None:
-        readings = upward(attitude, name)
+        readings = upward(attitude, poses, name)
     else:
         gravity = experiment.recording.gravity_of_poses(experiment.gravity)
         readings = -np.einsum("nji,j->ni", to_rest, gravity / np.linalg.norm(gravity))

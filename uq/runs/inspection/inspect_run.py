@@ -18,7 +18,7 @@ from identify.judge.conventions.findings.filter import filter_findings
 from identify.judge.conventions.wrench_findings import imu_findings, wrench_findings
 from identify.judge.findings import Finding
 from rig.channels import ImuChannel, WrenchChannel, stamps_early
-from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding
+from rig.inspection.channel_health import LEAST_SAMPLES, SensorChannel, TopicFinding, rate_key
 from rig.inspection.inspect import Inspection, inspect
 from uq.runs.inspection.topic_finding import topic_finding
 
@@ -57,7 +57,9 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
     from uq.runs.recorded.load_run import load
     from uq.runs.recorded.time_window import cut
 
-    def judge(_: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
+    def judge(channels: Sequence[SensorChannel], findings: list[TopicFinding]) -> list[TopicFinding]:
+        restamped = {part.topic for part in channels if getattr(experiment.recording, rate_key(part)) is not None}
+        findings = [part for part in findings if part.kind != "bunches" or part.topic not in restamped]
         band = experiment.estimator().band if experiment.estimators else None  # as `identify` reads it
         try:
             run = load(Path(path), experiment.recording, gravity=experiment.gravity, band=band, marks=False).run

@@ -23,7 +23,7 @@ from identify.signals.angular_velocity_from_attitude import (
 )
 from identify.signals.held_samples import repeats
 from identify.signals.resample import in_gap, interpolate, interval, is_uniform
-from identify.signals.run import RunError
+from identify.signals.run import LARGEST, RunError, refuse_excess
 from identify.signals.shaped_noise import ShapedNoise
 from rig import channels
 from rig.channels import ImuChannel, MotionChannel
@@ -142,6 +142,11 @@ def motion(
         RigError: the optional package for URDF is missing.
     """
     source = bag.motion
+    for signal in ("position", "orientation", "velocity", "angular_velocity"):
+        values = getattr(source, signal, None)
+        if values is not None and values.size:
+            wild = np.where(np.abs(values) > LARGEST, values, 0.0)  # and not the NaN of a joint that is missing
+            refuse_excess(f"{signal} of {source.topic}", wild, bag.path.name)
     pose_gravity = declared.gravity_of_poses(gravity)
     turning, attitude = _turning(bag, declared, instants, pose_gravity, band), recorded_attitude(source, instants)
     if attitude is None:

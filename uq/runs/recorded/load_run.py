@@ -250,12 +250,15 @@ class _Channels:
     ) -> None:
         self.bag, self.rig, self.left_out = bag, rig, dict[str, int]()
         wrench, imu = bag.wrench, bag.imu
-        if all((column == column[0]).all() for column in (*wrench.force.T, *wrench.moment.T)):
-            raise RunError(f"force and moment in {bag.path.name} never change: check load cell and driver")
         of_wrench, of_motion = (wrench.force, wrench.moment), (imu.angular_velocity, imu.linear_acceleration)
         for signal, parts in (("wrench", of_wrench), ("motion", of_motion)):
             for values in parts:
                 refuse_excess(signal, values, bag.path.name)
+        constant = [all((column == column[0]).all() for column in values.T) for values in of_wrench]
+        if constant[1] or (constant[0] and wrench.force.any()):  # a force of zero throughout is not measured
+            what = "force and moment" if all(constant) else "the moment" if constant[1] else "the force"
+            verb = "change" if all(constant) else "changes"
+            raise RunError(f"{what} in {bag.path.name} never {verb}: check load cell and driver")
         flagged = [self._flagged(channel.topic, channel.log_time, extra) for channel in (wrench, imu)]
         usable, self.bad = zip(
             *(self._sift(*channel) for channel in zip((of_wrench, of_motion), seconds, flagged, strict=True)),

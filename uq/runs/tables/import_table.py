@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from identify.signals.run import RunError
-from rig.channels import ImuChannel, MotionChannel, WrenchChannel
+from identify.signals.run import RunError, refuse_excess
+from rig.channels import ImuChannel, MotionChannel, Recording, WrenchChannel
 from rig.exceptions import on_one_line
 from rig.mcap.message_definitions import JOINTS, POSE
 from rig.runs import write
@@ -16,6 +17,7 @@ from uq.files.mistakes import ExperimentError
 from uq.files.provenance import sha256
 from uq.files.units import scale
 from uq.runs.recorded.declared_channels import declared
+from uq.runs.tables.gravity_columns import pointing, put_back
 from uq.runs.tables.table_map import MOTIONS, WRENCH, Map
 from uq.runs.tables.table_samples import DeclaredTable, as_recording, silenced
 
@@ -44,7 +46,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     cell = next(table for table in tables if table.declared.force is not None)
     sensor = next(table for table in tables if table.declared.motion)
     conventions = _conventions(mapping, cell, sensor)
-    keys = dict.fromkeys((sensor.declared.motion, "acceleration", sensor.declared.attitude, "position"))
+    keys = dict.fromkeys((sensor.declared.motion, "acceleration", sensor.declared.attitude, "position", "gravity"))
     signals = [key for key in keys if key in sensor.table.places]
     loads, motion = cell.samples(WRENCH), sensor.samples(signals)
     _check_overlap(cell, loads.stamp, sensor, motion.stamp)
@@ -56,6 +58,11 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     omega, acceleration = (values.get(key, nothing) for key in (MOTIONS[0], "acceleration"))
     raw = as_recording(cell.path, force, moment, omega, acceleration)
     rig = declared(raw, silenced(conventions, set(UNITS) - {*WRENCH, *signals}))
+    of_gravity: tuple[str, ...] = ()
+    if restored := "gravity" in values:
+        raw, of_gravity = _with_gravity(
+            raw, sensor, values["gravity"], (loads.stamp, motion.stamp), rig.scales["acceleration"]
+        )
     force, moment = rig.wrench(raw.wrench)
     wrench = WrenchChannel(
         topic="/wrench", frame_id="body", log_time=loads.stamp - zero, stamp=loads.stamp - zero, force=force,
@@ -64,7 +71,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
     channel = _motion(sensor, motion.stamp - zero, values, rig.motion(raw.imu)).in_order()
     cell.check_order(wrench.stamp)
     sensor.check_order(channel.stamp)
-    notes = (*rig.assumptions, *dict.fromkeys((*loads.notes, *motion.notes)))
+    notes = (*rig.assumptions, *of_gravity, *dict.fromkeys((*loads.notes, *motion.notes)))
     frames = {wrench.topic: "force and moment on the body at Q, in B"}
     if turns:
         accelerates = "acceleration" in signals
@@ -77,7 +84,7 @@ def import_table(paths: Sequence[str | Path], mapping: Map, output: str | Path) 
         "frames": json.dumps(frames),
         "units": json.dumps(UNITS),
     }
-    if mapping.recording.accelerometer_at_rest == "zero":
+    if mapping.recording.accelerometer_at_rest == "zero" and not restored:
         about["accelerometer_at_rest"] = "zero"
     write(output, wrench=wrench, imu=channel, metadata={"rig.run": about})
     count = f"{len(wrench.stamp):,} samples"
@@ -131,6 +138,42 @@ def _motion(
         topic="/imu", frame_id="body", log_time=stamp, stamp=stamp, angular_velocity=rates[0],
         linear_acceleration=rates[1], orientation=orientation,
     )  # fmt: skip
+
+
+def _with_gravity(
+    raw: Recording, sensor: DeclaredTable, gravity: np.ndarray, stamps: tuple[np.ndarray, np.ndarray], scale: float
+) -> tuple[Recording, tuple[str, ...]]:
+    """Put back gravity by its columns, along the IMU's axes; with what was assumed of it.
+
+    Args:
+        raw: force, and acceleration without gravity, as they stand in the tables.
+        sensor: the IMU's table.
+        gravity: its vectors, (n, 3).
+        stamps: instants of wrench and motion [ns].
+        scale: unit of the acceleration [m/s²].
+
+    Raises:
+        ExperimentError: the force shows that they point the other way.
+        RunError: their length is not that of gravity.
+    """
+    for signal, vectors in {
+        "force": raw.wrench.force,
+        "acceleration": raw.imu.linear_acceleration,
+        "gravity": gravity,
+    }.items():
+        refuse_excess(signal, vectors, sensor.path.name)
+    linear, declared_points = raw.imu.linear_acceleration, sensor.declared.gravity_points or "down"
+    zero, order = stamps[1][0], np.argsort(stamps[0])
+    seconds = [(stamp - zero) * 1e-9 for stamp in stamps]
+    force = [np.interp(seconds[1], seconds[0][order], component[order]) for component in raw.wrench.force.T]
+    points = pointing(np.stack(force, axis=1), linear, gravity)
+    if points not in (None, declared_points):
+        raise ExperimentError(
+            f"the vectors of gravity in {sensor.path.name} point {points}, by the force: write gravity_points = "
+            f'"{points}" beside their columns in the map'
+        )
+    specific, assumed = put_back(linear, gravity, scale, declared_points, sensor.path.name)
+    return replace(raw, motion=replace(raw.imu, linear_acceleration=specific)), (assumed,) * bool(assumed)
 
 
 def _check_overlap(cell: DeclaredTable, loads: np.ndarray, sensor: DeclaredTable, motion: np.ndarray) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import without_gravity
-from identify.signals.run import RunError
+from identify.signals.run import RunError, refuse_excess
 from rig.atomic_files import replacing
 from rig.bags.topics import NEEDS_WRIST
 from rig.exceptions import RigError, listed, on_one_line
@@ -21,6 +21,7 @@ from uq.files.csv_columns import CsvTable, read_rows
 from uq.files.table_layout import layout
 from uq.files.toml_text import toml_value
 from uq.files.units import scale
+from uq.runs.tables.gravity_columns import pointing
 from uq.runs.tables.table_map import MOTIONS, WRENCH
 from uq.runs.tables.table_samples import counts, rate_of_coarse
 
@@ -28,6 +29,7 @@ AXES = {
     "acceleration": "a|acc|accel|accelerometer|acceleration|specific_force",
     "force": "f|force|forces",
     "moment": "t|m|torque|torques|moment|moments",
+    "gravity": "(?<!no_)(?<!without_)(?<!free_)(?:gravity|grav|gravity_vector|grv)",
     "angular_velocity": "w|g|gyr|gyro|gyroscope|omega|angular_velocity|angular_rate|ang_vel|rate",
 }
 """Names of signals of three axes in lower case; the first whose name fits takes a column."""
@@ -38,7 +40,7 @@ EULER = re.compile(r"(.*_)?(?P<axis>roll|pitch|yaw)(_?(deg|rad))?")
 ROTATION_VECTOR = re.compile(
     r"(.*_)?(?:r(?:ot(?:ation)?)?(?:_?vec(?:tor)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[345]))"
 )
-POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<n>[012]))")
+POSITION = re.compile(r"(.*_)?(?:p(?:os(?:ition)?)?_?(?P<axis>[xyz])|tcp_pose_(?P<place>[012]))")
 SIX = re.compile(r"(.*_)?(ft_raw_wrench|tcp_force|wrench|ft)_?(?P<place>[0-5])")
 """Wrenches of six numbered columns, as a robot's recorder names them."""
 JOINT = re.compile(r"(.*/)?joint_states/(?P<joint>[^/]+)/position|(.*_)?(actual_q|joint|position|q)_?\[?\d\]?")
@@ -54,6 +56,9 @@ WORDS = re.compile(
 WIDTHS = {"time": 1, "quaternion": 4}
 """Numbers of columns of signals that have not three."""
 WITHOUT_GRAVITY = re.compile(r"gravity.{0,9}(removed|free|compensated)|(without|no) gravity", re.I)
+OF_GRAVITY = (
+    ": vectors of gravity leave the heading open: give the gyro's table as well, or take `inertia centre`, of rest"
+)
 SAME = 0.9
 """Correlation of a column's steps with the integral of another from which this is its rate."""
 EPOCH = {"ns": 1e17, "us": 1e14, "ms": 1e11, "s": 1e8}
@@ -118,13 +123,14 @@ def _line(key: str, value: Any, why: str) -> str:
 def _check(tables: list["_Guess"]) -> None:
     names = " and ".join(table.path.name for table in tables)
     signals_of_tables = {signal for table in tables for signal in table.signals}
+    held = f" ({listed(name for table in tables for name in table.written)})"
+    lean = any(table.lean for table in tables)
     for signals, needed, cure in (
-        (WRENCH, "force and moment", f"give the load cell's table as well ({NEEDS_WRIST})"),
-        (MOTIONS, "motion", "give the IMU's table as well"),
+        (WRENCH, "force and moment", f": give the load cell's table as well, or write a map; {NEEDS_WRIST}"),
+        (MOTIONS, "motion", OF_GRAVITY if lean else f"{held}: give the IMU's table as well, or write a map"),
     ):
         if signals_of_tables.isdisjoint(signals):
-            held = listed(name for table in tables for name in table.written)
-            raise RunError(f"no columns of {needed} among those of {names} ({held}): {cure}, or write a map")
+            raise RunError(f"no columns of {needed} among those of {names}{cure}")
 
 
 class _Guess:
@@ -144,6 +150,10 @@ class _Guess:
             self._by_name()
         elif not (self._by_words() or self._by_rates()) and len(self.written) >= 10:
             self._by_order()
+        self.lean = "gravity" in self.signals
+        """Whether the table has vectors of gravity."""
+        if self.lean and not self._without_gravity:
+            del self.signals["gravity"]  # nothing that it could be put back to
 
     @property
     def layout_text(self) -> str:
@@ -156,7 +166,7 @@ class _Guess:
 
     def leave(self, other: "_Guess") -> None:
         """Leave wrench or motion to another table that has it."""
-        for signals in (WRENCH, (*MOTIONS, "acceleration")):
+        for signals in (WRENCH, (*MOTIONS, "acceleration", "gravity")):
             if not other.signals.keys().isdisjoint(signals):
                 for signal in signals:
                     self.signals.pop(signal, None)
@@ -178,16 +188,28 @@ class _Guess:
                 yield from self._angles(signal)
             elif signal == "position":
                 yield _line(signal, columns, self.why)
-                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self.table.numbers(signal))))
+                stated, largest = self.layout.unit(places, "m"), float(np.nanmax(np.abs(self._numbers(signal))))
                 why = "as the table states" if stated else f"a guess by their size, {largest:.4g} at most"
                 yield _line("position_unit", stated or ("mm" if largest > FARTHEST else "m"), why)
+            elif signal == "gravity":
+                yield _line(signal, columns, f"{self.why}; put back where it was taken out of the acceleration")
+                yield _line("gravity_points", *self._gravity_points())
             else:
                 more = f"; there is {self.others[signal]}, too" if signal in self.others else ""
                 yield _line(signal, columns, f"{self.why}{more}")
 
+    def _gravity_points(self) -> tuple[str, str]:
+        """The end to which the vectors of gravity point, and why."""
+        signals = "force", "acceleration", "gravity"
+        points = None
+        if self.signals.keys() >= set(signals):
+            rows = np.hstack([self._numbers(signal) for signal in signals])
+            points = pointing(*np.hsplit(rows[np.isfinite(rows).all(axis=1)], 3))
+        return points or "down", "by the force" if points else "a guess, which import checks by the force"
+
     def _angles(self, signal: str) -> Iterator[str]:
         """Return the lines of what angles mean."""
-        values = self.table.numbers(signal)
+        values = self._numbers(signal)
         named = "deg" if any(self.plain[place].endswith("deg") for place in self.signals[signal]) else ""
         largest = float(np.nanmax(np.abs(values)))
         unit = named or ("deg" if largest > 2 * np.pi else "rad")
@@ -211,7 +233,7 @@ class _Guess:
             else:
                 yield _line(key, *self._guessed_unit(signal))
         if self._without_gravity:
-            why = "read at rest: gravity was taken out, which a quaternion in the table puts back"
+            why = "read at rest: gravity was taken out, which vectors of gravity or a quaternion in the table put back"
             yield _line("accelerometer_at_rest", "zero", why)
 
     @cached_property
@@ -229,7 +251,7 @@ class _Guess:
             return False
         else:
             time = np.arange(len(self.table.frame)) / float(lines["rate"].removesuffix(" Hz"))
-        rows = np.column_stack([time, *(self.table.numbers(name) for name in ("angular_velocity", "acceleration"))])
+        rows = np.column_stack([time, *(self._numbers(name) for name in ("angular_velocity", "acceleration"))])
         rows = rows[np.isfinite(rows).all(axis=1)]
         rate = self.layout.unit(self.signals["angular_velocity"], "rad/s") or self._guessed_unit("angular_velocity")[0]
         return without_gravity(ImuSignal(rows[:, 0], rows[:, 1:4] * scale(rate, "rad/s"), rows[:, 4:]))
@@ -254,10 +276,16 @@ class _Guess:
             self.signals |= {"force": six[:3], "moment": six[3:]}
         self._attitude()
 
+    def _numbers(self, signal: str) -> np.ndarray:
+        """Return the numbers of a signal, none of which is beyond any sensor."""
+        values = self.table.numbers(signal)
+        refuse_excess(signal, values, self.path.name)
+        return values
+
     def _constant(self, signal: str) -> bool:
         """Whether columns that are named like a signal never change."""
         try:
-            values = self.table.numbers(signal)
+            values = self._numbers(signal)
         except RunError:
             return False
         values = values[np.isfinite(values).all(axis=1)]
@@ -276,15 +304,17 @@ class _Guess:
         components = {match["axis"]: i for i, name in enumerate(self.plain) if (match := QUATERNION.fullmatch(name))}
         if "angular_velocity" not in self.signals:
             self.signals.pop("acceleration", None)
-        if set(components) == set("wxyz"):
-            self.signals["quaternion"] = [components[axis] for axis in "wxyz"]
-        elif len(angles := self._matched(EULER, "axis")) == 3:
-            self.signals["euler"] = [angles[1], angles[0], angles[2]]  # sorted: pitch, roll, yaw
-        elif len(vector := self._matched(ROTATION_VECTOR, "axis", "n")) == 3:
-            self.signals["rotation_vector"] = vector
-        turned = self.signals.keys() & {"quaternion", "euler", "rotation_vector"}
-        if turned and "angular_velocity" not in self.signals and len(at := self._matched(POSITION, "axis", "n")) == 3:
-            self.signals["position"] = at
+        quaternion = [components[axis] for axis in "wxyz"] if set(components) == set("wxyz") else []
+        angles = self._matched(EULER, "axis")  # sorted: pitch, roll, yaw
+        euler = [angles[1], angles[0], angles[2]] if len(angles) == 3 else []
+        vector = self._matched(ROTATION_VECTOR, "axis", "place")
+        turned = (
+            self._moves("quaternion", quaternion) or self._moves("euler", euler)
+            or self._moves("rotation_vector", vector if len(vector) == 3 else [])
+        )  # fmt: skip
+        if turned and "angular_velocity" not in self.signals:
+            at = self._matched(POSITION, "axis", "place")
+            self._moves("position", at if len(at) == 3 else [])
         if not self.signals.keys().isdisjoint(MOTIONS):
             return
         for place, (name, plain) in enumerate(zip(self.layout.names, self.plain, strict=True)):
@@ -292,6 +322,13 @@ class _Guess:
             if match and not UNLIKELY.search(name):
                 self.joints[match["joint"] or name] = self.written[place]
                 self.signals.setdefault("joints", []).append(place)
+
+    def _moves(self, signal: str, places: list[int]) -> bool:
+        """Take columns for a signal, unless there are none or they never change; whether they are taken."""
+        self.signals[signal] = places
+        if not places or self._constant(signal):
+            del self.signals[signal]
+        return signal in self.signals
 
     def _by_words(self) -> bool:
         """Signals in the order in which the lines above name them, where their columns then are all that there are."""
@@ -335,7 +372,7 @@ class _Guess:
             return UNITS[signal], f"a guess: the table says {written}, which is no unit known here; correct it"
         if signal in WRENCH:
             return UNITS[signal], "a guess: the table states none; inertia inspect detects a wrong one"
-        values = self.table.numbers(signal)
+        values = self._numbers(signal)
         sizes = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
         if signal == "acceleration" and self._without_gravity:
             return UNITS[signal], "a guess: without gravity nothing tells its unit"
@@ -397,9 +434,13 @@ class _Guess:
         if unit is None:
             return []
         lines = [_line("time", name, self.why), _line("time_unit", unit, why)]
-        if coarse and (round_rate := rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))):
-            why = "the times are coarser than the samples; the roundest rate that they allow"
-            lines.append(_line("rate", f"{round_rate:g} Hz", why))
+        if coarse:
+            roundest = rate_of_coarse(np.maximum.accumulate(times) * scale(unit, "s"))
+            why = (
+                "the roundest that they allow" if roundest else "state it" if rate is None else "as the lines above say"
+            )
+            value = f"{roundest or rate:g} Hz" if roundest or rate else "? Hz"
+            lines.append(_line("rate", value, f"the times are coarser than the samples, whose rate this is: {why}"))
         return lines
 
 

@@ -19,7 +19,7 @@ MOTIONS = ("angular_velocity", *ROTATIONS, "joints")
 class MapColumns(AttitudeColumns, frozen=True, kw_only=True):
     """``[columns]`` of a map: the columns of time, wrench and motion."""
 
-    SIGNALS = ("time", *WRENCH, *MOTIONS, "position", "acceleration")
+    SIGNALS = ("time", *WRENCH, *MOTIONS, "position", "acceleration", "gravity")
     time: str | None = None
     """The column of the time: numbers, or dates as text; or state ``rate``."""
     time_unit: Annotated[str, unit_name("s")] | None = None
@@ -47,6 +47,9 @@ class MapColumns(AttitudeColumns, frozen=True, kw_only=True):
     """Name of the unit of the joints' positions."""
     acceleration: Axes[str] | None = None
     """The columns of the specific force's components."""
+    gravity: Axes[str] | None = None
+    """The columns of the vector of gravity along the acceleration's axes, which a driver took out of ``acceleration``:
+    in its unit, or of length 1. It is put back, and no attitude is needed."""
 
     def __post_init__(self) -> None:
         """Refuse columns without time, or with half a wrench or two motions."""
@@ -64,6 +67,9 @@ class MapColumns(AttitudeColumns, frozen=True, kw_only=True):
             raise WrongKeyError("", f"describes the motion by {' and '.join(motions)}: name one of them")
         if self.acceleration is not None and self.angular_velocity is None:
             raise WrongKeyError("angular_velocity", "add it: acceleration belongs to it")
+        if self.gravity is not None and self.acceleration is None:
+            cure = "add angular_velocity and the acceleration without it, which then tell the mass"
+            raise WrongKeyError("gravity", f"{cure}, or take `inertia centre`, of rest", "leaves the heading open")
         if self.position is not None and motions != attitudes:
             raise WrongKeyError("position", "remove it, or the angular velocity", "belongs to an attitude alone")
         if self.quaternion is None or self.angle_unit is not None:
@@ -109,6 +115,11 @@ class Map(TomlTable, frozen=True, kw_only=True):
             if count > 1:
                 raise WrongKeyError("second", f"name {' and '.join(keys)} for one of the tables", "repeats columns")
 
+        if self.recording.accelerometer_at_rest != "zero" and any(part.gravity is not None for part in self.parts):
+            raise WrongKeyError(
+                "recording.accelerometer_at_rest", 'write "zero" if columns.gravity was taken out of the acceleration, '
+                "else remove columns.gravity",
+            )  # fmt: skip
         if self.recording.accelerometer_at_rest and all(part.acceleration is None for part in self.parts):
             raise WrongKeyError("recording.accelerometer_at_rest", "remove it", "belongs to columns of acceleration")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 import numpy as np
+import scipy
 
 from identify.display.text_tables import counted
 from identify.signals.run import RunError
@@ -114,7 +115,7 @@ class DeclaredTable:
         steps = np.diff(stamp)
         if (steps > 0).all():
             return
-        cure = "correct the table"
+        cure = "correct the table, or write rate, the sample rate, in place of time"
         if (steps >= 0).all() and (rate := rate_of_coarse(stamp * 1e-9)):
             cure = f'its steps are coarser than the samples, which come at {rate:g} Hz: add rate = "{rate:g} Hz"'
         raise RunError(
@@ -190,11 +191,31 @@ def rate_of_coarse(t: np.ndarray) -> float | None:
     Args:
         t: times that do not decrease [s], (n,).
     """
-    if len(t) < 10 or not t[-1] > t[0]:
+    edges = np.flatnonzero(np.diff(t) > 0)
+    if len(t) < 10 or len(edges) < 2:  # one step tells no period
         return None
-    tick, count = _resolution(t), len(t) - 1
-    low, high = count / (t[-1] - t[0] + tick), count / max(t[-1] - t[0] - tick, tick)
-    return roundest(count / (t[-1] - t[0]), low, high)
+    tick, index = _resolution(t), np.unique([0, *edges, *edges + 1, len(t) - 1])
+    # The period p of samples at k p whose times are cut or rounded to the tick: all t - k p lie within one tick.
+    low, high = _within(t[index], index.astype(float), tick)
+    if low > high:  # samples are missing: the table is refused by this rate
+        span = t[-1] - t[0]
+        low, high = (span - tick) / (len(t) - 1), (span + tick) / (len(t) - 1)
+    return roundest(2 / (low + high), 1 / high, 1 / max(low, 1e-12))
+
+
+def _within(t: np.ndarray, index: np.ndarray, tick: float) -> tuple[float, float]:
+    """Least and largest period p for which all t - index p lie within a tick [s]; least > largest: there is none."""
+
+    def excess(period: float) -> float:
+        return float(np.ptp(t - index * period)) - tick * (1 + 1e-6)
+
+    mean, reach = (t[-1] - t[0]) / index[-1], 2 * tick / index[-1]
+    ends = max(mean - reach, 0.0), mean + reach
+    best = scipy.optimize.minimize_scalar(excess, bounds=ends, method="bounded", options={"xatol": 1e-9 * mean}).x
+    if excess(best) > 0:
+        return ends[1], ends[0]
+    low, high = (end if excess(end) <= 0 else scipy.optimize.brentq(excess, end, best) for end in ends)
+    return low, high
 
 
 def _resolution(t: np.ndarray) -> float:

@@ -16,10 +16,15 @@ The mean of a filter's response shows in the force's slope, the spread of its re
 `c₁ = d + τ`, `c₂ = d τ + d²/2`, so `τ² = c₁² − 2 c₂`; it is 0 of any delay. With τ the force must be explained far
 better than with a delay alone.
 
+A motion far below the corner shows only the mean of the response. A lag that explains what looked like a small turn
+of the axes, or that the `sigma_delay` declared of method `joint` does not let expect, is named with its two
+explanations: stamps that are late, and a low-pass of that time constant.
+
 ## What to do
 
 Set `wrench_lowpass` in `[recording]`, the corner: the filter is then undone before anything else. Better record the
-wrench as it comes, or through a filter far above the motion.
+wrench as it comes, or through a filter far above the motion. Of a lag with two explanations, the settings of the load
+cell and its driver tell which; with the wrong one mass and tensor err by what the message says.
 """
 
 from collections.abc import Iterator
@@ -28,7 +33,7 @@ from functools import partial
 
 import numpy as np
 
-from identify.display.rounding import significant
+from identify.display.rounding import fixed, significant
 from identify.judge.conventions.axis_hypotheses import DECISIVE
 from identify.judge.conventions.convention_fit import (
     LEAST_SECONDS,
@@ -88,7 +93,50 @@ class WrenchLowPassed(Finding):
         return Cure(choices=[corner], then=", or record the wrench before its filter")
 
 
-EXAMPLES = (WrenchLowPassed(topic="/wrench", time_constant=0.0531, sigma=0.0001),)
+class LateSensor(Finding):
+    """A wrench that lags behind the motion, or the motion behind the wrench, by a delay or by a low-pass."""
+
+    lag: float
+    """Time by which the wrench lags; negative: the motion does [s]."""
+    sigma: float
+    """Standard uncertainty of the lag [s]."""
+    weakened: float
+    """Part of the force's and moment's changes that a low-pass of this lag takes."""
+    declared: float = 0.0
+    """Delay of the IMU that is declared already [s]."""
+
+    @property
+    def looks(self) -> str:
+        first, second = ("force", "motion") if self.lag > 0 else ("motion", "force")
+        lag = f"{fixed(1e3 * abs(self.lag), 1)} ± {significant(1e3 * self.sigma, 1)} ms"
+        return (
+            f"the {first} lags behind the {second} by {lag}: its stamps are late, or it passed a low-pass, which so "
+            "slow a motion does not tell apart"
+        )
+
+    @property
+    def cure(self) -> Cure:
+        late = Entries(
+            {"delay": f"{self.declared - self.lag:.4f} s"}, remark=" (of method joint) if its stamps are late"
+        )
+        change = f"mass and tensor are then {'larger' if self.lag > 0 else 'smaller'} by about {self._percent} %"
+        corner = Entries(
+            {"wrench_lowpass": f"{significant(1 / (2 * np.pi * abs(self.lag)), 3)} Hz"},
+            remark=f" if it is filtered ({change})",
+        )
+        unfiltered = f"record it before its filter ({change})"
+        decides = "; the settings of sensor and driver, or a faster motion, decide"
+        return Cure(choices=[late, corner if self.lag > 0 else unfiltered], then=decides)
+
+    @property
+    def _percent(self) -> str:
+        return significant(100 * self.weakened, 1)
+
+
+EXAMPLES = (
+    WrenchLowPassed(topic="/wrench", time_constant=0.0531, sigma=0.0001),
+    LateSensor(topic="/wrench", lag=0.0324, sigma=0.0004, weakened=0.0008),
+)
 
 
 def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterator[Finding]:
@@ -99,44 +147,86 @@ def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterato
         imu: the same, with the specific force.
         topic: of the load cell.
     """
-    time, omega, specific = imu
-    step = float(np.median(np.diff(time)))
-    judged = 0 < step <= SMOOTHING and time[-1] - time[0] >= LEAST_SECONDS
-    if not judged or not np.isfinite(np.hstack([omega, specific])).all():
-        return
-    levers = lever_columns(time, omega)
-    posed = PosedForce(
-        force=at_instants(time, wrench.time, wrench.force),
-        to_rest=np.broadcast_to(np.eye(3), (len(time), 3, 3)), specific=specific, levers=levers, time=time,
-        smooth=partial(smoothed, step), independent=STEP / WINDOW,
-    )  # fmt: skip
-    if posed.changes <= 0:
+    posed = _posed(wrench, imu)
+    if posed is None:
         return
     delayed = posed.in_time(apart=False)[0].fit(lift=False)
-    filtered, time_constant, sigma = _with_filter(posed, time)
+    filtered, time_constant, sigma = _with_filter(posed, imu.time)
     if not posed.explained(filtered) or posed.excess(delayed, filtered, least=LEAST_MISFIT) <= DECISIVE:
         return
     if time_constant > CERTAIN * sigma:
         yield WrenchLowPassed(topic=topic, time_constant=time_constant, sigma=sigma)
 
 
+def late_sensor(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> LateSensor | None:
+    """Return the finding on wrench or motion that is late against the other, by a delay or a low-pass; None: no.
+
+    Args:
+        wrench: of the run, in B.
+        imu: the same, with the specific force.
+        topic: of the load cell.
+    """
+    posed = _posed(wrench, imu)
+    if posed is None:
+        return None
+    lag, later = 0.0, posed
+    for _ in range(STEPS):
+        fit = _lagging(later, imu.time, 1)
+        lag = float(np.clip(lag + fit.values[_place(posed)], -LONGEST_LAG, LONGEST_LAG))
+        later = _earlier(posed, imu.time, lag)
+    fit, place = _lagging(later, imu.time, 1), _place(posed)
+    sigma = float(np.sqrt(fit.covariance[place, place]))
+    if not posed.explained(fit) or abs(lag) < CERTAIN * sigma:
+        return None
+    changes = (
+        posed.smooth(x).std() for x in (np.gradient(imu.angular_velocity, imu.time, axis=0), imu.angular_velocity)
+    )
+    turning = float(np.divide(*changes))  # angular frequency of the motion [rad/s]
+    return LateSensor(topic=topic, lag=lag, sigma=sigma, weakened=0.5 * (turning * lag) ** 2)
+
+
+def _posed(wrench: WrenchSignal, imu: ImuSignal) -> PosedForce | None:
+    """The force beside the motion; None: there is too little to judge."""
+    time, omega, specific = imu
+    step = float(np.median(np.diff(time)))
+    judged = 0 < step <= SMOOTHING and time[-1] - time[0] >= LEAST_SECONDS
+    if not judged or not np.isfinite(np.hstack([omega, specific])).all():
+        return None
+    posed = PosedForce(
+        force=at_instants(time, wrench.time, wrench.force),
+        to_rest=np.broadcast_to(np.eye(3), (len(time), 3, 3)), specific=specific, levers=lever_columns(time, omega),
+        time=time, smooth=partial(smoothed, step), independent=STEP / WINDOW,
+    )  # fmt: skip
+    return posed if posed.changes > 0 else None
+
+
+def _place(posed: PosedForce) -> int:
+    """Place of the force's first slope among the columns of a fit."""
+    return ZERO.stop + (0 if posed.levers is None else posed.levers.shape[2])
+
+
+def _earlier(posed: PosedForce, time: np.ndarray, lag: float) -> PosedForce:
+    """The force so much earlier."""
+    return replace(posed, force=at_instants(time + lag, time, posed.force))
+
+
+def _lagging(posed: PosedForce, time: np.ndarray, orders: int) -> GravityFit:
+    """The fit with as many derivatives of the force as columns."""
+    assert posed.levers is not None  # noqa: S101 - of a run they are known
+    slopes = [posed.force]
+    for _ in range(orders):
+        slopes.append(np.gradient(slopes[-1], time, axis=0))
+    columns = np.concatenate([posed.levers, *(-slope[:, :, None] for slope in slopes[1:])], axis=2)
+    return replace(posed, levers=columns).fit(lift=False)
+
+
 def _with_filter(posed: PosedForce, time: np.ndarray) -> tuple[GravityFit, float, float]:
     """Return the fit behind a delay and a low-pass, its time constant, and the standard uncertainty of that [s]."""
-    levers, delay, later = posed.levers, 0.0, posed
-    assert levers is not None  # noqa: S101 - of a run they are known
-    at = ZERO.stop + levers.shape[2]
-
-    def lagging(orders: int) -> GravityFit:
-        slopes = [later.force]
-        for _ in range(orders):
-            slopes.append(np.gradient(slopes[-1], time, axis=0))
-        columns = np.concatenate([levers, *(-slope[:, :, None] for slope in slopes[1:])], axis=2)
-        return replace(later, levers=columns).fit(lift=False)
-
+    at, delay, later = _place(posed), 0.0, posed
     for _ in range(STEPS):
-        mean, half_square = lagging(2).values[at : at + 2]
+        mean, half_square = _lagging(later, time, 2).values[at : at + 2]
         spread = np.sqrt(max(mean**2 - 2 * half_square, 0.0))
         delay = float(np.clip(delay + mean - spread, -LONGEST_LAG, LONGEST_LAG))
-        later = replace(posed, force=np.stack([np.interp(time + delay, time, x) for x in posed.force.T], axis=1))
-    fit = lagging(1)
+        later = _earlier(posed, time, delay)
+    fit = _lagging(later, time, 1)
     return fit, float(fit.values[at]), float(np.sqrt(fit.covariance[at, at]))

@@ -18,8 +18,9 @@ left over, where it is in them. A body that a lever explains may be in free fall
 ## What to do
 
 Set `accelerometer_at_rest = "zero"`, in the map for a run that was imported. An attitude in the messages or in the
-table then puts gravity back, with its own errors. Without an attitude the acceleration is not used, and the mass is not
-determined. Better record the accelerometer as it reads.
+table then puts gravity back, with its own errors. So do columns of the vector that the driver took out, `gravity` in
+the map, which tell no heading. With neither the acceleration is not used, and the mass is not determined. Better
+record the accelerometer as it reads.
 """
 
 from collections.abc import Iterator
@@ -47,7 +48,8 @@ class GravityRemoved(Finding):
     looks = "the accelerometer reads nothing at rest: gravity was taken out of its readings"
     cure = Cure(
         choices=[Entries({"accelerometer_at_rest": "zero"})],
-        then="; a recorded attitude then puts it back, without one the mass is not determined",
+        then="; a recorded attitude, or a table's columns of gravity, then puts it back, without them the mass is not "
+        "determined",
     )
 
 

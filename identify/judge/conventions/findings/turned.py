@@ -19,8 +19,8 @@ does not, the message has a line for each, with what it does to the tensor.
 ## What to do
 
 Set `imu_rotation_to_body` or `wrench_rotation_to_body`, of the sensor that is mounted otherwise, as the message has
-it. A small turn may be stamps that are late: correct the clock, or declare the delay. Of two sensors with axes of
-their own use one.
+it. A small turn may be stamps that are late, where their lag is too uncertain to be named: correct the clock, or
+declare the delay. Of two sensors with axes of their own use one.
 """
 
 from collections.abc import Iterator, Sequence

@@ -139,7 +139,9 @@ class WrenchUnitsAtRest(Finding):
 
     @property
     def cure(self) -> Cure:
-        decides = "; a declared mass ([scale] or body.mass) decides" * (len(self.readings) > 1)
+        masses = {reading.force_factor for reading in self.readings}
+        key = "mass ([scale] or body.mass)" if len(masses) > 1 else "body.r_cg_from_q"
+        decides = f"; a declared {key} decides" * (len(self.readings) > 1)
         return Cure(choices=[self._with_body(reading) for reading in self.readings], then=decides)
 
     def _with_body(self, reading: UnitReading) -> Entries:

@@ -33,6 +33,8 @@ class Table:
         self.force = mass * self.f + ZERO[:3] + 0.02 * shake[0]
         self.moment = np.cross(r_cg, mass * self.f) + ZERO[3:] + 1e-3 * shake[1]
         self.readings, self.path, self.attitude = self.f, path / "p.csv", attitude
+        self.more = {}
+        """Further keys of [poses]."""
 
     def centre(self, recording=None, **more):
         """The centre by the table, as declared."""
@@ -44,7 +46,7 @@ class Table:
         by = {self.attitude: names} if sensed else {"quaternion": dict(zip("xyzw", names, strict=True))}
         poses = {"force": FORCE, "moment": MOMENT, **by} | ({} if sensed else {"takes": "sensor_to_level"})
         tables = {"platform": {"gravity": f"{G} m/s^2"}, "recording": {"wrench": "on_body"} | (recording or {})}
-        return centre_file(self.path, Experiment.from_dict({**tables, "poses": poses, **more}))
+        return centre_file(self.path, Experiment.from_dict({**tables, "poses": poses | self.more, **more}))
 
     def told(self, recording=None, **more):
         """What is suspicious."""
@@ -88,6 +90,7 @@ def test_other_units_are_named_and_obeyed_lead_to_the_truth(tmp_path, unit):
     assert f"{lines} (2.0" in alone
     (weighed,) = table.told(**SCALE)
     assert f"set {lines} (2.0" in weighed
+    assert "a declared mass" not in weighed
     table.is_sound(cure, **SCALE)
 
 
@@ -139,7 +142,7 @@ def test_a_sign_and_half_a_turn_are_both_named_where_small_tilts_do_not_tell_the
 
 @pytest.mark.parametrize(
     ("attitude", "reading"),
-    [("quaternion", "urdf_gravity"), ("acceleration", "accelerometer_at_rest"), ("gravity", "")],
+    [("quaternion", "urdf_gravity"), ("acceleration", "accelerometer_at_rest"), ("gravity", "gravity_points")],
 )
 def test_a_reversed_wrench_and_a_force_alone_are_told_by_the_declared_centre(tmp_path, attitude, reading):
     table = Table(tmp_path, attitude=attitude)
@@ -154,6 +157,16 @@ def test_a_reversed_wrench_and_a_force_alone_are_told_by_the_declared_centre(tmp
     (both,) = table.told(**BODY)
     assert "calibration" not in both
     table.is_sound(ON_SENSOR, **BODY)
+
+
+def test_vectors_of_gravity_that_point_up_are_named_and_declared(tmp_path):
+    table = Table(tmp_path, attitude="gravity")
+    table.readings = -table.readings
+    (text,) = table.told(**BODY)
+    assert "the vectors of gravity point up" in text
+    assert 'gravity_points = "up" in [poses]' in text
+    table.more = {"gravity_points": line(text, "gravity_points")}
+    table.is_sound(None, **BODY)
 
 
 @pytest.mark.slow

@@ -103,6 +103,13 @@ def test_an_attitude_beyond_any_sensor_is_refused_without_a_warning_of_numpy(tmp
         centre_file(write(tmp_path / "p.csv", columns), experiment(attitude))
 
 
+def test_a_force_beyond_any_sensor_is_refused_before_axes_are_judged(tmp_path, generator):
+    columns = rows(generator)
+    columns[next(name for name in columns if name.lower().startswith("f"))][0] = -6.7e263
+    with pytest.raises(RunError, match=r"^force in p.csv is 6.7e\+263 at sample 0: no sensor reads so much"):
+        centre_file(write(tmp_path / "p.csv", columns), experiment("acceleration"))
+
+
 def test_a_turned_attitude_sensor_is_named_with_its_cure(tmp_path, generator):
     """Declared 3 degrees off: the cure is the rotation that made the table, unless such a turn is declared."""
     path, true = write(tmp_path / "p.csv", rows(generator)), np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0.0]])

@@ -34,6 +34,8 @@ def test_inspect_and_identify_name_them_and_the_cure_leads_to_the_body(tmp_path,
     result = identify_files(bunched, posed_runs.experiment(tmp_path, "imu", wrench_rate="100 Hz"))
     assert result.mass == pytest.approx(posed_runs.MASS, abs=4e-3)
     assert result.warnings == ()
+    assert main(["inspect", str(bunched), "--experiment", str(tmp_path / "e.toml")]) == 0
+    assert "nothing suspicious" in capsys.readouterr().out
 
 
 def test_a_rate_that_is_not_that_of_the_times_is_refused(tmp_path, bunched):

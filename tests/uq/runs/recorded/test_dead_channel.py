@@ -34,6 +34,15 @@ def test_a_dead_channel_is_named(tmp_path, signal, words, level):
         )
 
 
+@pytest.mark.parametrize(("signal", "level"), [("moment", 0.0), ("moment", 1.5), ("force", 1.5)])
+def test_a_load_cell_that_holds_a_whole_vector_is_refused(tmp_path, signal, level):
+    run = posed_runs.measured(3, seconds=6.0, rate=100.0)
+    held = replace(run, **{signal: np.full((len(run.t), 3), level)})
+    path = posed_runs.write(tmp_path / "run", held, "imu", "mcap")
+    with pytest.raises(RunError, match=f"^the {signal} in run never changes: check load cell and driver"):
+        load(path, posed_runs.experiment(tmp_path, "imu").recording, marks=False)
+
+
 def test_a_vector_that_is_not_measured_is_no_dead_channel(tmp_path):
     run = posed_runs.no_accelerometer(posed_runs.measured(3, seconds=6.0, rate=100.0))
     path = posed_runs.write(tmp_path / "run", run, "imu", "mcap")

@@ -282,3 +282,13 @@ def test_a_revolute_joint_without_limits_is_read(tmp_path, swing):
     path = write(tmp_path / "bag", tuple(part[:500] for part in swing), velocities=False)
     limited, free = (load(path, experiment(tmp_path, robot).recording, band=6.0).run for robot in (None, text))
     np.testing.assert_array_equal(free.omega, limited.omega)
+
+
+def test_a_position_beyond_any_sensor_is_one_line(tmp_path, swing):
+    """Of a joint that no limit refuses."""
+    text = urdf().replace('<limit lower="-3" upper="3" effort="1" velocity="1"/>', "")
+    t, q, v, readings = (part[:200].copy() for part in swing)
+    q[50, 6] = 1e200
+    path = write(tmp_path / "bag", (t, q, v, readings), velocities=False)
+    with pytest.raises(RunError, match=r"position of /joint_states in bag is 1.0e\+200 at sample 50: no sensor reads"):
+        load(path, experiment(tmp_path, text).recording, band=6.0)

@@ -52,10 +52,13 @@ def test_an_attitude_of_a_map_is_that_of_poses(tmp_path, clean, kind, takes):
     assert (got * clean.attitude.inv()).magnitude().max() < 1e-9
 
 
-def test_a_robots_log_of_position_and_rotation_vector_tells_the_mass(tmp_path, clean, capsys):
+@pytest.mark.parametrize("names", ["timestamp,rx,ry,rz,px,py,pz", "timestamp,P_3,P_4,P_5,P_0,P_1,P_2"])
+def test_a_robots_log_of_position_and_rotation_vector_tells_the_mass(tmp_path, clean, capsys, names):
     path, out = tmp_path / "t.csv", tmp_path / "run.mcap"
     table(path, clean, clean.attitude.as_rotvec(), 1e3 * clean.place)
-    text = path.read_text().replace("t,q0,q1,q2", "timestamp,rx,ry,rz", 1)
+    names, text = names.replace("P", "actual_TCP_pose").split(","), path.read_text()
+    for old, new in zip(["t", "q0", "q1", "q2", "px", "py", "pz"], names, strict=True):
+        text = text.replace(old, new, 1)
     path.write_text(text)
     assert main(["import", str(path), "-o", str(out)]) == 1
     mapping = tmp_path / "run.map.toml"
@@ -118,6 +121,23 @@ def test_columns_that_never_change_are_no_sensor(tmp_path, clean, capsys):
         else:
             assert status == 2
             assert "needs a wrist sensor: torques of joints are not used" in capsys.readouterr().err
+
+
+def test_an_attitude_and_a_position_that_never_change_are_not_proposed(tmp_path, clean, capsys):
+    """As of a robot's recorder that writes what it does not know as it was at first: the joints count."""
+    rest = np.tile([0.4, 0.1, 0.5], (len(clean.t), 1))
+    for vector, names in (
+        (rest, {"joints", "joint_unit"}),
+        (clean.attitude.as_rotvec(), {"rotation_vector", "takes", "angle_unit"}),
+    ):
+        head = "timestamp,Fx,Fy,Fz,Mx,My,Mz,rx,ry,rz,px,py,pz," + ",".join(f"actual_q_{k}" for k in range(6))
+        columns = np.column_stack([clean.t, clean.force, clean.moment, vector, rest, clean.joints])
+        np.savetxt(tmp_path / "t.csv", columns, delimiter=",", header=head, comments="")
+        assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 1
+        columns = tomllib.loads((tmp_path / "run.map.toml").read_text())["columns"]
+        assert set(columns) - {"time", "time_unit", "force", "moment"} == names
+        (tmp_path / "run.map.toml").unlink()
+    capsys.readouterr()
 
 
 def test_a_recording_without_a_wrench_is_told_what_it_needs(tmp_path, clean, capsys):

@@ -49,6 +49,10 @@ def layouts(v):
         "latin1": table([[*row, 21.5] for row in plain], [*NAMES, "Temp °C"], encoding="latin-1"),
         "utf16": table(plain, delimiter="\t", encoding="utf-16")[:-1],  # its logger stopped within a character
         "epoch_ns": table([[1_750_000_000_000_000_123 + round(1e9 * t), *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "epoch_spoilt": table([[f"{1.75e18 + 1e9 * t:.10E}", *row[1:]] for t, row in zip(TIME, plain, strict=True)]),
+        "thousands": table([[f"{1e6 * t:,.1f}", *row[1:]] for t, row in zip(TIME, plain, strict=True)], delimiter=";"),
+        "apostrophes": table([[f"{1e6 * t:,.1f}".replace(",", "'"), *row[1:]] for t, row in zip(TIME, plain, strict=True)],
+                        delimiter=";", decimal=","),
         "no_head": table(plain, None),
         "units_row": table([UNITS, *plain]),
         "units_in_names": table(plain, [f"{name} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True)]),
@@ -107,6 +111,54 @@ def test_missing_cells_leave_out_their_sensor_alone(tmp_path, values, capsys):
     np.testing.assert_allclose(t_imu, np.delete(TIME, 40), atol=1e-9)
     np.testing.assert_allclose(wrench, np.delete(values[:, :6], 30, axis=0))
     assert "1 row of t.csv without force or moment left out" in capsys.readouterr().out
+
+
+SHUFFLED = [*NAMES[:1], *NAMES[7:], *NAMES[1:7]]
+
+
+@pytest.mark.parametrize(
+    ("first", "left_out"),
+    [(b"0.000000,20.12", 1), (b"12,9.9,0.1\n0.000000,20.1,0.2", 1), (b"0.0;20.1;0.3;0.4", 1), (b"Acquisition starts", 1), (b"", 0)],
+    ids=["end cut", "two", "other mark", "words", "blank"],
+)  # fmt: skip
+def test_names_above_broken_rows_count(tmp_path, values, first, left_out):
+    """In another order than the usual one, so that a guess by the order would be wrong."""
+    rows = [[f"{t:.6f}", *row[6:], *row[:6]] for t, row in zip(TIME, values, strict=True)]
+    head, *lines = table(rows, SHUFFLED).splitlines()
+    (tmp_path / "t.csv").write_bytes(b"\n".join([head, first, *lines[left_out:]]))
+    _, wrench, _, imu = run_of(proposed(tmp_path, tmp_path / "t.csv"))
+    np.testing.assert_allclose(wrench, values[left_out:, :6], rtol=1e-12)
+    np.testing.assert_allclose(imu, values[left_out:, 6:], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda lines: [lines[0].rsplit(b",", 1)[0], *lines[1:]], "line 1 of t.csv has 12 names for 13 columns"),
+        (lambda lines: [lines[0], lines[1] + b",7", *lines[2:]], "more cells than others (line 2): correct the table"),
+    ],
+    ids=["a name less", "a cell more"],
+)
+def test_a_head_or_first_row_of_another_width_is_one_line(tmp_path, values, capsys, change, words):
+    lines = layouts(values)["plain"].splitlines()
+    (tmp_path / "t.csv").write_bytes(b"\n".join(change(lines)))
+    assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_number_beyond_any_sensor_is_one_line(tmp_path, values, capsys):
+    values[5, 7] = 1e200
+    (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
+    assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
+    assert "angular_velocity in t.csv is 1.0e+200 at sample 5: no sensor reads so much" in capsys.readouterr().err
+
+
+def test_one_step_of_coarse_times_tells_no_rate(tmp_path, values, capsys):
+    rows = [[f"{np.floor(5 * t + 0.4):.0f}", *row] for t, row in zip(TIME, values, strict=True)]
+    (tmp_path / "t.csv").write_bytes(table(rows))
+    main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")])
+    assert 'rate = "? Hz"' in (tmp_path / "run.map.toml").read_text()
+    capsys.readouterr()
 
 
 def test_samples_that_coarse_times_lack_are_not_overlooked(tmp_path, values, capsys):
@@ -233,7 +285,9 @@ def test_a_table_that_tells_nothing_is_named(tmp_path, values, capsys, first):
 def test_a_table_without_a_whole_row_of_numbers_is_one_line(tmp_path, capsys):
     (tmp_path / "t.csv").write_text("1,a\nb,2\n" * 30)
     assert main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")]) == 2
-    assert "no columns of force and moment among those of t.csv (1, 2)" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no columns of force and moment among those of t.csv: give the load cell's table" in line
+    assert len(line) < 200
 
 
 @pytest.mark.parametrize("name", ["run.csv", "run.npz", "run.xlsx", "run.mat"])
@@ -243,10 +297,12 @@ def test_a_table_in_place_of_a_recording_is_told_the_command(tmp_path, capsys, n
     assert "`inertia import" in capsys.readouterr().err
 
 
-def test_the_files_of_a_run_are_named_in_it(tmp_path, values):
+def test_the_files_of_a_run_are_named_in_it_and_it_is_no_table(tmp_path, values, capsys):
     (tmp_path / "t.csv").write_bytes(layouts(values)["plain"])
-    about = runs.read(proposed(tmp_path, tmp_path / "t.csv")).metadata["rig.run"]
-    assert json.loads(about["imported"])["file"] == "t.csv"
+    run = proposed(tmp_path, tmp_path / "t.csv")
+    assert json.loads(runs.read(run).metadata["rig.run"]["imported"])["file"] == "t.csv"
+    assert main(["import", str(run), "-o", str(tmp_path / "again.mcap")]) == 2
+    assert f"no table {run} but a recording: give it to `inertia inspect`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
