@@ -13,7 +13,7 @@ import scipy
 from jaxtyping import Float
 
 from identify.estimation.joint.joint_model import TEN, SpecificForce
-from identify.estimation.joint.joint_pooling import pool, shared_unknowns
+from identify.estimation.joint.joint_pooling import PooledJoint, pool, shared_unknowns
 from identify.estimation.joint.priors import (
     Alignment,
     ConstantError,
@@ -22,6 +22,7 @@ from identify.estimation.joint.priors import (
     Setting,
     correlated,
     indices,
+    run_prior,
     without,
 )
 from identify.estimation.joint.single_run import SolvedRun
@@ -86,10 +87,10 @@ class KnownBody:
         covariance = scipy.linalg.block_diag(
             declared["mass",].covariance, declared["r_cg",].covariance, np.zeros((6, 6))
         )
-        known = np.isfinite(self.parameters.values)
-        mean[known] = self.parameters.values[known]
-        covariance[np.ix_(known, known)] = self.parameters.covariance[np.ix_(known, known)]
-        covariance[np.ix_(known, ~known)] = covariance[np.ix_(~known, known)] = 0.0
+        stated = np.isfinite(self.parameters.values)
+        mean[stated] = self.parameters.values[stated]
+        covariance[np.ix_(stated, stated)] = self.parameters.covariance[np.ix_(stated, stated)]
+        covariance[np.ix_(stated, ~stated)] = covariance[np.ix_(~stated, stated)] = 0.0
         size = np.repeat([mean[0], 0.1, np.abs(mean[4:]).max()], [1, 3, 6])
         # what the runs contradict moves the tensor that they show, as if the body were less well known
         misfit = self.result.ledger.of_tiers("contradicted").covariance
@@ -99,6 +100,11 @@ class KnownBody:
     def alignment(self) -> Alignment:
         """Prior of delay and rotation of the IMU, where no error of the problem is one of them."""
         return self.setting(self.problem.runs[0]).alignment
+
+    @property
+    def prior(self) -> Prior:
+        """Prior of a run's unknowns, but for the gyro's noise."""
+        return run_prior(self.setting(self.problem.runs[0]), np.ones(3))
 
     def setting(self, run: Run) -> Setting:
         """Return the priors of a run's unknowns."""
@@ -152,8 +158,8 @@ class RigErrors:
         """Return how far the runs place some combinations of the axes from zero, in what chance scatters them by."""
         mean, covariance = self.under_normal
         variance = np.einsum("nk,kl,nl->n", numbers, np.eye(len(mean)) - covariance, numbers)
-        told = variance > (1 - DETERMINED) * np.square(numbers).sum(axis=1)
-        return np.where(told, np.abs(numbers @ mean) / np.sqrt(np.where(told, variance, 1.0)), 0.0)
+        determined = variance > (1 - DETERMINED) * np.square(numbers).sum(axis=1)
+        return np.where(determined, np.abs(numbers @ mean) / np.sqrt(np.where(determined, variance, 1.0)), 0.0)
 
 
 def rig_errors(bodies: Sequence[KnownBody]) -> RigErrors:
@@ -162,31 +168,35 @@ def rig_errors(bodies: Sequence[KnownBody]) -> RigErrors:
     Raises:
         RunError: a run is too short.
     """
+    first, pooled = bodies[0], _pooled(bodies)
+    axes, by_axis = _axes(first, pooled.shared)
+    # what scatters between runs, or bodies, widens what all of them tell; few of them by Student's t
+    wider = pooled.scatter**2 * float(student_quantile(pooled.degrees_of_freedom, 0.975) / NORMAL) ** 2
+    root, count = first.prior.root[:, pooled.shared], by_axis.shape[1]
+    of_body = np.eye(root.shape[1])[:, root[indices(OF_THE_BODY)].any(axis=0)]
+    columns = np.hstack([by_axis, of_body])
+    data = _Information(columns.T @ pooled.information @ columns / wider, columns.T @ pooled.right / wider)
+    mean, covariance = data.posterior(np.ones(columns.shape[1]))
+    under_normal = mean[:count], covariance[:count, :count]
+    departure, directions = _departure(*under_normal)
+    mean, covariance = data.posterior(np.append(_heavy_tailed(data, axes), np.ones(of_body.shape[1])))
+    return RigErrors(
+        axes=axes, mean=mean[:count], covariance=covariance[:count, :count], scatter=pooled.scatter,
+        departure=departure, directions=directions, under_normal=under_normal,
+        doubts=_doubts(first, data, root[indices(TEN)] @ of_body) if len(bodies) == 1 else (),
+    )  # fmt: skip
+
+
+def _pooled(bodies: Sequence[KnownBody]) -> PooledJoint:
+    """All runs together: of several bodies each has its own ten parameters, in all of its runs."""
     several = len(bodies) > 1
     runs = [
         _fitted(body, run, str(number) if several else None)
         for number, body in enumerate(bodies) for run in body.problem.runs
     ]  # fmt: skip
-    errors = bodies[0].problem.errors
-    shared = shared_unknowns(errors, calibrated=False) | {*OF_THE_BODY}
-    pooled = pool(runs, shared - {*OF_THE_BODY} if several else shared, OF_THE_BODY if several else ())
-    prior = runs[0].prior
-    axes, by_axis = _axes(prior, pooled.shared, errors, bodies[0].alignment)
-    wider = pooled.scatter**2 * float(student_quantile(pooled.degrees_of_freedom, 0.975) / NORMAL) ** 2
-    places = np.abs(prior.root[indices(OF_THE_BODY)]).max(axis=0)[pooled.shared] > 0
-    of_body = np.eye(len(places))[:, places]
-    columns = np.hstack([by_axis, of_body])
-    data = _Information(columns.T @ pooled.information @ columns / wider, columns.T @ pooled.right / wider)
-    count = by_axis.shape[1]
-    mean, covariance = data.posterior(np.ones(columns.shape[1]))
-    under_normal = mean[:count], covariance[:count, :count]
-    departure, directions = _departure(*under_normal)
-    doubts = () if several else _doubts(bodies[0], data, prior.root[np.ix_(indices(TEN), pooled.shared)] @ of_body)
-    mean, covariance = data.posterior(np.append(_heavy_tailed(data, axes), np.ones(of_body.shape[1])))
-    return RigErrors(
-        axes=axes, mean=mean[:count], covariance=covariance[:count, :count], scatter=pooled.scatter,
-        departure=departure, directions=directions, under_normal=under_normal, doubts=doubts,
-    )  # fmt: skip
+    shared = shared_unknowns(bodies[0].problem.errors, calibrated=False)
+    of_bodies = {*OF_THE_BODY}
+    return pool(runs, shared - of_bodies, of_bodies) if several else pool(runs, shared | of_bodies)
 
 
 class _Information(NamedTuple):
@@ -226,9 +236,9 @@ def _heavy_tailed(data: _Information, axes: Mapping[str, slice]) -> np.ndarray:
 def _departure(mean: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
     """Chi-squared of what the runs determine under its prior, and its degrees of freedom."""
     # the posterior mean is expected to scatter by the prior less the posterior covariance
-    told, directions = np.linalg.eigh(np.eye(len(mean)) - covariance)
-    counted = told > 1 - DETERMINED
-    squares = (directions[:, counted].T @ mean) ** 2 / told[counted]
+    variance, directions = np.linalg.eigh(np.eye(len(mean)) - covariance)
+    counted = variance > 1 - DETERMINED
+    squares = (directions[:, counted].T @ mean) ** 2 / variance[counted]
     return float(squares.sum()), int(counted.sum())
 
 
@@ -247,24 +257,23 @@ def _fitted(body: KnownBody, run: Run, mounting: str | None) -> SolvedRun:
     return SolvedRun(replace(run, mounting=mounting), fit.prior, information, z)
 
 
-def _axes(
-    prior: Prior, shared: np.ndarray, errors: Mapping[str, ConstantError], alignment: Alignment
-) -> tuple[dict[str, slice], np.ndarray]:
+def _axes(body: KnownBody, shared: np.ndarray) -> tuple[dict[str, slice], np.ndarray]:
     """Places of the axes of each error, and what each adds to the shared coordinates of the prior."""
-    every = dict(errors)
+    every = dict(body.problem.errors)
     for name in ("delay", "rotation"):  # which the alignment has
-        if not any(error.unknown == name for error in errors.values()):
-            sigma = np.diag(np.broadcast_to(getattr(alignment, f"sigma_{name}"), len(indices([name]))))
+        if not any(error.unknown == name for error in body.problem.errors.values()):
+            sigma = np.diag(np.broadcast_to(getattr(body.alignment, f"sigma_{name}"), len(indices([name]))))
             if sigma.any():
                 every[name] = ConstantError(name, np.zeros(len(sigma)), sigma**2, root=sigma)
     sets = correlated(every)
     ends = np.cumsum([0, *(members[0].axes.shape[1] for members in sets.values())]).tolist()
     axes = {name: slice(start, end) for name, start, end in zip(sets, ends, ends[1:], strict=False)}
-    stacked = np.zeros((len(prior.root), ends[-1]))
+    root = body.prior.root
+    stacked = np.zeros((len(root), ends[-1]))
     for name, members in sets.items():
         for member in members:
             stacked[indices([member.unknown]), axes[name]] += member.axes
-    return axes, np.linalg.pinv(prior.root[:, shared]) @ stacked
+    return axes, np.linalg.pinv(root[:, shared]) @ stacked
 
 
 def _doubts(body: KnownBody, data: _Information, by_body: np.ndarray) -> tuple[Doubt, ...]:
