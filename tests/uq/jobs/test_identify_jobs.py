@@ -12,11 +12,13 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from rig.child_process import start_module, start_python
 from uq import Experiment, ExperimentError, identify_files, identify_jobs
 from uq.cli.main import main
 from uq.jobs import job_processes
+from uq.jobs.job_work import work
 from uq.jobs.jobs_file import load_jobs
 
 E = "t1-10s.toml"
@@ -267,3 +269,15 @@ def test_a_process_ends_with_the_command_that_started_it(tmp_path):
     process = start_module("uq.jobs", str(tmp_path), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     process.stdin.close()
     assert process.wait(60) == 0
+
+
+def test_what_the_runs_contradict_is_kept_but_not_exported(night, tmp_path, monkeypatch):
+    """The result stands, with its verdict; the line says why there is no export, also when the job is kept."""
+    monkeypatch.setattr(Identification, "contradicted", property(lambda result: "axes are swapped"))
+    job = next(job for job in load_jobs(night[0] / "jobs.toml") if job.name == "disc")
+    went = work(job, tmp_path)
+    assert (went["status"], went["verdict"]) == ("done", "contradicted")
+    assert went["line"].startswith("not exported: axes are swapped")
+    assert not (tmp_path / "disc" / "body.urdf").exists()
+    assert json.loads((tmp_path / "disc" / "result.json").read_text())["status"] == "contradicted"
+    assert work(job, tmp_path) == went | {"status": "kept"}
