@@ -24,6 +24,7 @@ FILES = {
     "rig": "a rig file",
     "map": "a map of columns",
     "body": "a reference body",
+    "jobs": "a file of jobs",
     "result": "result.json and centre.json",
 }
 

@@ -23,6 +23,13 @@ runpy.run_module(module, run_name="__main__", alter_sys=True)
 """
 
 
+def processors() -> int:
+    """Return how many processors this process may use; all there are where the system does not tell."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def start_module(module: str, *arguments: str, **pipes: Any) -> subprocess.Popen[bytes]:
     """Run a module of this program as ``__main__``, with its arguments; ``pipes`` as of :class:`subprocess.Popen`.
 

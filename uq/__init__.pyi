@@ -9,6 +9,7 @@ from .bodies.export import export as export
 from .bodies.reference import load_reference as load_reference
 from .experiment.experiment import Experiment as Experiment
 from .files.mistakes import ExperimentError as ExperimentError
+from .jobs.identify_jobs import identify_jobs as identify_jobs
 from .monte_carlo.barreto2016 import paper as paper
 from .monte_carlo.campaign.campaign import RunOptions as RunOptions
 from .monte_carlo.campaign.campaign import SamplingPlan as SamplingPlan

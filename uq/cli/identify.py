@@ -2,24 +2,29 @@
 
 import argparse
 
-from identify.display.reporting import Result
 from identify.estimation import methods
+from rig.exceptions import on_one_line
 from uq.bodies import export_formats
 from uq.cli.terminal.command_parser import CommandParser
-from uq.cli.terminal.common import finish, output_folder, start_jax
-from uq.cli.terminal.options import add_window_options
-from uq.experiment.experiment import Experiment
+from uq.cli.terminal.common import finish, output_folder, show, start_jax
+from uq.cli.terminal.options import add_window_options, whole_number
+from uq.cli.terminal.terminal_bar import TerminalBar, say
 from uq.files.mistakes import ExperimentError
+from uq.jobs.body_request import BodyRequest
 from uq.report.certificate.certificate import Certificate
-from uq.runs.identification.identify_files import identify_files, mounting_names
-from uq.runs.identification.tare import check_tare, tare_files
+from uq.runs.identification.identify_files import mounting_names
 from uq.runs.recorded.time_window import windows_of_options
+
+KEYS = ("runs", "experiment", "method", "centre", "tare", "mounting", "expected", "export")
+"""Options that a job states in its file."""
+ALONE = ("estimator", "offsets", "tare_centre", "validate", "limits", "force")
+"""Options that no job states."""
 
 
 def configure(parser: CommandParser) -> None:
     """Add the command's arguments."""
-    parser.value("runs", "RUN.mcap", "recorded runs of one body", nargs="+")
-    parser.value("--experiment", "E.toml", "r_CG, estimators, channels; or the preset barreto2016", required=True)
+    parser.value("runs", "RUN.mcap", "recorded runs of one body", nargs="*")
+    parser.value("--experiment", "E.toml", "r_CG, estimators, channels; or the preset barreto2016")
     parser.value("--estimator", "NAME", "the estimator (recording.estimator, or the first)")
     parser.add_argument(
         "--offsets",
@@ -54,39 +59,68 @@ def configure(parser: CommandParser) -> None:
         "--force", "export even a tensor that is physically impossible or that the runs contradict, with a warning"
     )
     parser.value("--out", "DIR", "folder for result.json, report.html and the figures")
+    parser.value("--jobs", "JOBS.toml", "many bodies, each with its runs and its experiment, in a folder of --out each")
+    parser.value("--processes", "N", "most jobs at a time (as many as there are cores)", type=whole_number)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.jobs is not None:
+        return _run_jobs(arguments)
+    if arguments.processes is not None:
+        raise ExperimentError("--processes is for --jobs, which is not given: add --jobs JOBS.toml, or remove it")
+    if not arguments.runs or arguments.experiment is None:
+        missing = "--experiment is" if arguments.runs else "runs are"
+        raise ExperimentError(f"{missing} missing: give RUN.mcap and --experiment E.toml, or --jobs JOBS.toml")
     start_jax()
     if arguments.export is not None and arguments.out is None:
         raise ExperimentError("--export has no folder: add --out DIR")
     if arguments.force and arguments.export is None:
         raise ExperimentError("--force is for --export, which is not given: add --export FORMATS")
-    formats = None if arguments.export is None else export_formats.chosen(arguments.export)
-    experiment = Experiment.load(arguments.experiment)
-    reference = None
-    if arguments.expected is not None:
-        from uq.bodies.reference import load_reference
-
-        reference = load_reference(arguments.expected)
-    check_tare(arguments.tare, experiment, arguments.tare_centre, arguments.method)
+    request = BodyRequest(
+        runs=arguments.runs, experiment_file=arguments.experiment, estimator=arguments.estimator,
+        offsets=arguments.offsets, method=arguments.method, windows=windows_of_options(arguments.limits),
+        mountings=None if arguments.mounting is None else mounting_names(arguments.mounting),
+        centre=arguments.centre, tare=arguments.tare, tare_centre=arguments.tare_centre, expected=arguments.expected,
+        formats=() if arguments.export is None else export_formats.chosen(arguments.export), force=arguments.force,
+        validate=arguments.validate,
+    )  # fmt: skip
+    request.check()
     with output_folder(arguments.out) as out:
-        choices = {name: getattr(arguments, name) for name in ("estimator", "offsets", "method")}
-        mountings = None if arguments.mounting is None else mounting_names(arguments.mounting)
-        result = identify_files(
-            arguments.runs, experiment, windows=windows_of_options(arguments.limits), mountings=mountings,
-            centre=arguments.centre, validate=arguments.validate, **choices,
-        )  # fmt: skip
-        result = tare_files(result, arguments.tare, experiment, tare_centre=arguments.tare_centre, **choices)
-        more: list[Result] = []
-        if reference is not None:
-            from uq.bodies.comparison import compare
-
-            more.append(compare(result, reference))
-        if formats is not None:
-            from uq.bodies.export import export
-
-            more.append(export(result, formats, force=arguments.force))
-        finish(Certificate(result), out, *more)
+        result = request.identified()
+        finish(Certificate(result), out, *request.compared(result), *request.exported(result))
     return 0
+
+
+def _run_jobs(arguments: argparse.Namespace) -> int:
+    """Identify the bodies of a file of jobs; 1: one failed, or its runs contradict what is declared."""
+    given = [name for name in (*KEYS, *ALONE) if getattr(arguments, name)]
+    if given:
+        option = {"runs": "RUN.mcap", "limits": "--from and --to"}.get(given[0], f"--{given[0].replace('_', '-')}")
+        cure = f"write it in {arguments.jobs}" if given[0] in KEYS else "identify that body without --jobs"
+        raise ExperimentError(f"{option} beside --jobs: {cure}, or remove it")
+    if arguments.out is None:
+        raise ExperimentError("--jobs has no folder: add --out DIR")
+    if arguments.processes is not None and arguments.processes < 1:
+        raise ExperimentError(f"--processes is {arguments.processes}: give 1 or more")
+    from uq.jobs.identify_jobs import identify_jobs  # a single body waits for no page
+    from uq.jobs.jobs_file import load_jobs
+    from uq.jobs.summary import findings, table
+
+    order = [job.name for job in load_jobs(arguments.jobs)]
+    start_jax()
+    with output_folder(arguments.out) as out, TerminalBar(unit="jobs") as bar:
+        results = []
+        again = "the same command continues: what is complete is kept"
+        try:
+            for result in identify_jobs(arguments.jobs, str(out), processes=arguments.processes, progress=bar):
+                results.append(result)
+                if result.note:
+                    say(result.note)
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(again) from error
+    results.sort(key=lambda result: order.index(result.name))
+    show(None, table(results))
+    print("", *map(on_one_line, findings(results)), sep="\n")
+    print(f"\n{on_one_line(f'summary.csv, summary.html and a folder for each job are in {arguments.out}')}")
+    return int(any(result.verdict in ("failed", "contradicted") for result in results))

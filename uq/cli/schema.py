@@ -11,7 +11,7 @@ from typing import Any
 
 from uq.cli.terminal.command_parser import CommandParser
 
-FILES = ("experiment", "rig", "map", "body")
+FILES = ("experiment", "rig", "map", "body", "jobs")
 RESULT = "result"
 
 
@@ -42,12 +42,13 @@ def file_schema(file: str) -> dict[str, Any]:
     from uq.experiment.experiment_file import ExperimentFile
     from uq.experiment.platform_table import Ring
     from uq.files.json_schema import json_schema
+    from uq.jobs.jobs_file import JobsFile
     from uq.runs.tables.table_map import Map
     from uq.sources.source import KINDS
     from uq.sources.source_table import DrawTable, SourceTable, source_table
 
     if file != "experiment":
-        tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile}
+        tables: dict[str, type[TomlTable]] = {"rig": RigFile, "map": Map, "body": BodyFile, "jobs": JobsFile}
         return json_schema(tables[file])
     sources = [source_table(target, kind) for target, kind in sorted(KINDS)]
     schema = json_schema(ExperimentFile, Ring, SourceTable, DrawTable, *sources)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-import uq.cli.identify as command_module
+import uq.jobs.body_request as request_module
 from tests.helpers.changed_result import changed
 from uq.bodies.export_formats import export_format, names
 from uq.cli.main import main
@@ -58,7 +58,7 @@ def lab(tmp_path_factory, preset):
 @pytest.fixture(scope="module", autouse=True)
 def identified_once(few_draws):
     """The same runs of the same experiment are identified once."""
-    real, found = command_module.identify_files, {}
+    real, found = request_module.identify_files, {}
 
     def identified(paths, experiment, *arguments, **options):
         key = repr((paths, experiment.document, arguments, options))
@@ -67,7 +67,7 @@ def identified_once(few_draws):
         return found[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(command_module, "identify_files", identified)
+        patch.setattr(request_module, "identify_files", identified)
         yield identified
 
 
@@ -118,7 +118,7 @@ def test_swapped_axes_are_named(lab, capsys):
     ],
 )
 def test_a_mistake_is_one_line_before_anything_is_computed(lab, tmp_path, capsys, monkeypatch, options, words):
-    monkeypatch.setattr("uq.cli.identify.identify_files", lambda *_, **__: pytest.fail("computed"))
+    monkeypatch.setattr("uq.jobs.body_request.identify_files", lambda *_, **__: pytest.fail("computed"))
     out = tmp_path / "out"
     assert main(command(lab, *(str(one).replace("{lab}", str(lab)) for one in options), "--out", out)) == 2
     said = capsys.readouterr()
@@ -145,7 +145,7 @@ def test_without_a_mass_or_of_a_tensor_that_no_body_has_nothing_is_written(
         result = identified_once(*arguments, **options)
         return changed(result, inertia=result.inertia * [1, 1, 1, 1, 1, 3])
 
-    monkeypatch.setattr("uq.cli.identify.identify_files", impossible)
+    monkeypatch.setattr("uq.jobs.body_request.identify_files", impossible)
     assert main(command(lab, "--export", "kuka", "--out", out)) == 2
     said = capsys.readouterr()
     assert "no body has this tensor" in said.err

@@ -13,7 +13,7 @@ from typing import Any
 import jax
 
 from identify.display.text_tables import in_lines
-from rig.child_process import start_python
+from rig.child_process import processors, start_python
 from rig.exceptions import on_one_line, quoted
 from uq.files.compilation_cache import keep_compiled
 from uq.files.mistakes import ExperimentError
@@ -47,13 +47,6 @@ def start_jax(*, alone: bool = True) -> None:
     except (RuntimeError, AssertionError):
         chosen = quoted(os.environ.get("JAX_PLATFORMS", ""))
         raise ExperimentError(f"JAX has no device with JAX_PLATFORMS={chosen}: unset it, or set it to cpu") from None
-
-
-def processors() -> int:
-    """Return how many processors this process may use; all there are where the system does not tell."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """The view of an identification: tensor, mass and centre of gravity, runs, undeclared errors, and its figures."""
 
 from collections.abc import Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -88,11 +89,19 @@ def overview(result: Identification) -> list[Table]:
 
 def trust(result: Identification) -> str:
     """Return in a sentence whether the figures may be used."""
-    if result.contradicted:
+    word = verdict_word(result)
+    if word == "contradicted":
         return "Do not use these figures: the runs contradict what is declared."
-    if result.warnings or not all(cause.note for cause in result.consistency):
+    if word == "warnings":
         return "Read the warnings below before you use these figures."
     return f"Nothing in the runs contradicts what is declared. {_which_to_use(result)}"
+
+
+def verdict_word(result: Identification) -> Literal["not contradicted", "warnings", "contradicted"]:
+    """Return the same in a word, for a script to test."""
+    if result.contradicted:
+        return "contradicted"
+    return "warnings" if result.warnings or not all(cause.note for cause in result.consistency) else "not contradicted"
 
 
 def _which_to_use(result: Identification) -> str:
