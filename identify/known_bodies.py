@@ -84,9 +84,8 @@ class KnownBody:
         """Prior of mass, centre of gravity and tensor: as known, else as declared."""
         declared = declared_of(self.problem.runs[0], self.result, self.problem, self.force_from).blocks
         mean = np.concatenate([declared["mass",].mean, declared["r_cg",].mean, np.zeros(6)])
-        covariance = scipy.linalg.block_diag(
-            declared["mass",].covariance, declared["r_cg",].covariance, np.zeros((6, 6))
-        )
+        covariance = np.zeros((10, 10))
+        covariance[:1, :1], covariance[1:4, 1:4] = declared["mass",].covariance, declared["r_cg",].covariance
         stated = np.isfinite(self.parameters.values)
         mean[stated] = self.parameters.values[stated]
         covariance[np.ix_(stated, stated)] = self.parameters.covariance[np.ix_(stated, stated)]
@@ -152,7 +151,7 @@ class RigErrors:
     @property
     def chance(self) -> float:
         """Probability of so large a departure where priors and bodies are right."""
-        return float(scipy.stats.chi2.sf(self.departure, self.directions)) if self.directions else 1.0
+        return float(scipy.special.chdtrc(self.directions, self.departure)) if self.directions else 1.0
 
     def distance(self, numbers: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
         """Return how far the runs place some combinations of the axes from zero, in what chance scatters them by."""

@@ -13,6 +13,7 @@ import pytest
 from rig import runs
 from rig.channels import ImuChannel, WrenchChannel
 from uq.cli.main import COMMANDS, main
+from uq.experiment.experiment import Experiment
 
 E = "t1-10s.toml"
 INERTIA = {"I11": 0.3813, "I22": 0.0185, "I33": 0.3791}
@@ -62,6 +63,18 @@ def test_simulate(bench):
     assert len(run.wrench.force) == len(run.imu.angular_velocity) == N
     white = np.sqrt((np.diff(run.wrench.force, 4, axis=0) ** 2).mean(axis=0) / 70)  # of fourth differences
     np.testing.assert_allclose(white, [5, 5, 10], rtol=0.08)
+
+
+def test_calibrate(bench, said):
+    """No error of the rig acts: each mean is within three of its standard uncertainties of zero."""
+    (bench / "open.toml").write_text((bench / E).read_text("utf-8").replace('undeclared = "none"', ""))
+    moments = [f'{name} = "{value} g*m^2"' for name, value in (("I11", 381.3), ("I22", 18.5), ("I33", 379.1))]
+    lines = ['about = "CG"', 'products = "tensor"', 'mass = "19.7 kg"', 'cg = ["0 mm", "0 mm", "53 mm"]']
+    (bench / "standard.toml").write_text("\n".join(["[cad]", *lines, "[cad.inertia]", *moments]))
+    known = ["--known", "standard.toml", "--experiment", "open.toml", "-o", "rig.toml"]
+    assert "rig.toml is written" in said("calibrate", "simulated.mcap", *known)
+    sources = Experiment.from_dict({"include": ["rig.toml"]}, bench).sources
+    assert all((np.abs(source.mean) < 3 * source.sigma + 1e-12).all() for source in sources)
 
 
 def test_inspect(said):
