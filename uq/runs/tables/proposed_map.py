@@ -388,7 +388,7 @@ class _Guess:
     def _time(self) -> list[str]:
         """The lines of the time, or of the rate."""
         stated = RATE.search(self.layout.preamble)
-        rate = float(stated[1]) if stated else None
+        rate = float(stated[1]) or None if stated else None
         places = [i for i, name in enumerate(self.plain) if TIME.fullmatch(name)] if self.layout.named else [0]
         places.sort(key=lambda i: "header_stamp" not in self.plain[i])
         for place in places:
@@ -422,10 +422,11 @@ class _Guess:
         unit, why = self.layout.unit([place], "s"), "as the table states"
         if steps.min() < -0.5 * np.ptp(times):
             again = self.layout.first + int(np.argmin(steps)) + 1
-            rate = rate or 1 / (float(np.median(steps)) * scale(unit or "s", "s"))
+            step = float(np.median(steps)) * scale(unit or "s", "s")
+            rate = rate or (1 / step if step > 0 else None)
             return [
                 f"# time {on_one_line(name)} starts again at row {again}; the rate is that of its steps",
-                _line("rate", f"{rate:.6g} Hz", f"a guess{self._lost()}"),
+                _line("rate", f"{rate:.6g} Hz" if rate else "? Hz", f"a guess{self._lost()}" if rate else "state it"),
             ]
         coarse = bool((steps == 0).any())
         if unit is None:

@@ -21,7 +21,7 @@ def test_the_pages_of_findings_are_their_docstrings():
 
 def test_every_finding_has_a_curve_or_no_error_of_the_laboratory():
     labels = {words.label for words in (*operating_curves.causes(), *all_findings())} - set(operating_curves.CURVES)
-    assert labels == {"tensor", "least squares", "frame", "gravity", "attitude", "linear acceleration"}
+    assert labels == {"tensor", "least squares", "frame", "gravity", "attitude"}
 
 
 def test_every_key_that_a_cure_sets_is_one_of_the_experiment_file():

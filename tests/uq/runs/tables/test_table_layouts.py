@@ -154,10 +154,15 @@ def test_a_number_beyond_any_sensor_is_one_line(tmp_path, values, capsys):
 
 
 def test_one_step_of_coarse_times_tells_no_rate(tmp_path, values, capsys):
-    rows = [[f"{np.floor(5 * t + 0.4):.0f}", *row] for t, row in zip(TIME, values, strict=True)]
-    (tmp_path / "t.csv").write_bytes(table(rows))
-    main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")])
-    assert 'rate = "? Hz"' in (tmp_path / "run.map.toml").read_text()
+    for restart in (0.0, 0.1):  # the clock then starts again while its steps are too coarse to tell a rate
+        rows = [
+            [f"{np.floor(5 * t + 0.4) * (t >= restart) + 9 * (t < restart):.0f}", *row]
+            for t, row in zip(TIME, values, strict=True)
+        ]
+        (tmp_path / "t.csv").write_bytes(table(rows, above="Rate of channel x: 0\n"))
+        main(["import", str(tmp_path / "t.csv"), "-o", str(tmp_path / "run.mcap")])
+        assert 'rate = "? Hz"' in (tmp_path / "run.map.toml").read_text()
+        (tmp_path / "run.map.toml").unlink()
     capsys.readouterr()
 
 
