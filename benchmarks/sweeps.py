@@ -57,9 +57,11 @@ def row(case: str, options: argparse.Namespace, folder: Path) -> list[str]:
     out = {way: folder / f"{way}.npy" for way in WAYS}
     cold = {way: seconds(way, case, options, Path(tempfile.mkdtemp(dir=folder)), out[way]) for way in WAYS}
     cache = Path(tempfile.mkdtemp(dir=folder))
-    warm = {way: min(seconds(way, case, options, cache, out[way]) for _ in range(2)) for way in WAYS}
+    seconds("loop", case, options, cache, out["loop"])  # compiles
+    warm = {way: min(seconds(way, case, options, cache, out[way]) for _ in range(options.rounds)) for way in WAYS}
     command = ["-c", BEGIN, "montecarlo", file, "--trials", str(options.trials), "--trajectory", trajectory]
-    one = min(user_seconds(command, HERE, cache) for _ in range(2))
+    user_seconds(command, HERE, cache)
+    one = min(user_seconds(command, HERE, cache) for _ in range(options.rounds))
     errors = [np.load(path) for path in out.values()]
     spreads = [x.std(axis=1) for x in errors]
     apart = "same bits" if np.array_equal(*errors) else f"{np.nanmax(np.abs(spreads[0] / spreads[1] - 1)):.1e}"
@@ -73,6 +75,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--trials", type=int, default=10_000)
     parser.add_argument("--values", type=int, default=len(VALUES))
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--only", choices=CASES, nargs="*", default=list(CASES))
     parser.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
     parser.add_argument("--case", choices=CASES, help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
@@ -84,7 +88,7 @@ def main() -> None:
         np.save(options.out, WAYS[options.way](Experiment.load(file), trajectory, key, values, options.trials))
         return
     with tempfile.TemporaryDirectory() as folder:
-        rows = [row(case, options, Path(folder)) for case in CASES]
+        rows = [row(case, options, Path(folder)) for case in options.only]
     head = [
         "",
         "sweep, cold, s",

@@ -182,3 +182,18 @@ def test_a_target_installs_one_lock_file(target, lock):
     command = ["make", "--dry-run", "--always-make", target]
     printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert set(re.findall(r"pip sync .* (\S+)", printed)) == {lock}
+
+
+SYSTEMS = {"ubuntu": "POSIX :: Linux", "macos": "MacOS", "windows": "Microsoft :: Windows"}
+
+
+def test_the_classifiers_name_the_systems_on_which_the_workflow_must_pass():
+    """On others it runs, too, so that what fails there is known; that is no claim."""
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "tests.yml").read_text("utf-8"))["jobs"]
+    systems = {name.removesuffix("-latest") for name in jobs["commands"]["strategy"]["matrix"]["os"]}
+    assert jobs["commands"]["continue-on-error"] == "${{ matrix.os != 'ubuntu-latest' }}"
+    required = {name for name in systems if name == "ubuntu"}
+    stated = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["classifiers"]
+    assert {f"Operating System :: {SYSTEMS[name]}" for name in required} == {
+        text for text in stated if text.startswith("Operating System")
+    }
