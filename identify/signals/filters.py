@@ -77,7 +77,7 @@ def apply(signals: Float[ArrayT, "k n"], taps: Float[Array, " odd"]) -> Float[Ar
     if signals.shape[1] < taps.shape[0]:
         raise ValueError(f"Argument `signals` must have {taps.shape[0]} samples or more, but has {signals.shape[1]}.")
     if isinstance(signals, np.ndarray):
-        return convolved(signals, taps)
+        return convolved(signals, np.asarray(taps))
     import jax
     from jax.scipy.signal import fftconvolve
 
