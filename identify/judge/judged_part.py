@@ -4,10 +4,10 @@ import numpy as np
 
 from identify.signals.run import Run
 
-PERIODS = (300, 5_000)
+PERIODS = (1_500, 5_000)
 """Periods of the motion's highest frequency that are judged, at least and at most.
 
-Choice: three minutes of a motion up to 1.6 Hz; at most half a gigabyte of memory. Price: an error that begins later, or
+Choice: ten minutes of a motion up to 2.5 Hz; at most half a gigabyte of memory. Price: an error that begins later, or
 that only a longer run resolves, is not named.
 """
 ENOUGH = 60.0

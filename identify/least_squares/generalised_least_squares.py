@@ -148,6 +148,7 @@ def whitened(
     freedom[:inside] = eliminated.free
     every = RowsSideBySide(weighed, eliminated.rows, unweighted)
     scores = spectrum(remaining, freedom, lines.constants, power_gain).scores(every)
+    del remaining, freedom  # of a long run, what is not looked at again takes no memory
     weighted_scores = by_noise = fit.spectrum.scores(weighed)
     if offsets == "estimate":
         removed = Offsets(fitted_moment, fit.inverse[6:9, 6:9], record.means[FORCE])

@@ -117,9 +117,8 @@ def _correlation_time(values: Float[np.ndarray, " n"]) -> float:
 def _correlation(values: Float[np.ndarray, " n"], lags: int) -> Float[np.ndarray, " lags"]:
     """Return the sums of products of a signal's samples that are so many lags apart."""
     count = -(-len(values) // lags)
-    padded = np.zeros((count + 1) * lags)
-    padded[: len(values)] = values
-    blocks, total = padded.reshape(count + 1, lags), np.zeros(lags + 1, complex)
+    blocks, total = np.zeros((count + 1, lags)), np.zeros(lags + 1, complex)
+    blocks.reshape(-1)[: len(values)] = values
     together = max(BATCH // lags, 1)  # bounds memory
     for k in range(0, count, together):
         first, second = blocks[k : min(k + together, count)], blocks[k + 1 : min(k + together, count) + 1]

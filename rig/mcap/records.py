@@ -246,7 +246,7 @@ def _pattern(last: list[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _rounds(data: bytes, position: int, pattern: list[tuple[int, int]]) -> tuple[list[NDArray[np.int64]], int]:
-    """Where each message of a pattern is in the rounds of it that follow one another, and the bytes of a round."""
+    """Return where each message of a pattern is as long as the pattern repeats, and the bytes of one repetition."""
     stride = sum(9 + length for length, _ in pattern)
     count = (len(data) - position) // stride if pattern else 0
     if not count:

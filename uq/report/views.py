@@ -15,7 +15,7 @@ VIEWS = {
     "uq.bodies.export.Exported": f"{TABLES}.measurands:exported",
     "uq.bodies.reference.Reference": f"{TABLES}.measurands:reference",
     "uq.monte_carlo.campaign.campaign_result.MonteCarloResult": f"{TABLES}.campaign",
-    "uq.monte_carlo.campaign.spread_ratio.SpreadComparison": f"{TABLES}.spread_ratio",
+    "uq.monte_carlo.campaign.spread_ratio.SpreadComparison": f"{TABLES}.sweep:spread",
     "uq.monte_carlo.campaign.sweep.SweepResult": f"{TABLES}.sweep",
     "uq.monte_carlo.campaign.statistics.Breakdown": f"{TABLES}.cases:breakdown",
     "uq.monte_carlo.campaign.statistics.Statistics": f"{TABLES}.cases:case",

@@ -1,10 +1,12 @@
-"""The view of a sweep: 3σ and mean error of all sources together, by value; in g·m²."""
+"""The views of a sweep, 3σ and mean error of all sources by value in g·m², and of 3σ over that of a reference."""
 
 from collections.abc import Iterator
 
-from identify.display.reporting import Drawing, Section, section_of, stem
+from identify.display.reporting import Drawing, Section, section_of, stem, uncaptioned
+from identify.display.rounding import with_uncertainty
 from identify.display.text_tables import Table, counted
 from identify.rigid_body.inertia import COMPONENTS
+from uq.monte_carlo.campaign.spread_ratio import FACTOR, LEVEL, SpreadComparison
 from uq.monte_carlo.campaign.statistics import large_mean_error
 from uq.monte_carlo.campaign.sweep import SweepResult
 from uq.report.assumptions import source_assumptions
@@ -63,3 +65,29 @@ def _drawings(result: SweepResult) -> Iterator[Drawing]:
             "standard errors either way",
             "sweep.against_value", result, trajectory, estimator,
         )  # fmt: skip
+
+
+def spread_title(result: SpreadComparison) -> str:
+    """Return what is compared with what."""
+    return f"3σ over that of {result.reference}, from the same {result.trials:,} draws"
+
+
+def spread_tables(result: SpreadComparison) -> list[Table]:
+    """Return ratio and verdict of each case, by component."""
+    rows = []
+    for names, ratio in result.ratios.items():
+        figures = zip(ratio.value, ratio.standard_error, strict=True)
+        rows.append([*names, "ratio", *(with_uncertainty(value, error) for value, error in figures)])
+        rows.append([*[""] * len(names), "differs", *("yes" if differs else "no" for differs in ratio.differs)])
+    return [Table(spread_title(result), [*result.heads, "", *COMPONENTS], rows, SPREAD_NOTE)]
+
+
+def spread_overview(result: SpreadComparison) -> list[Table]:
+    """Return the table below its title."""
+    return uncaptioned(result)
+
+
+SPREAD_NOTE = (
+    f"After ± the standard error, by pairs of trials. differs: the ratio is not 1, by {FACTOR:.2f} standard errors or "
+    f"more: at {100 * LEVEL:g} % for the six together."
+)
