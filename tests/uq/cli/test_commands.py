@@ -53,7 +53,7 @@ def channels(**changes):
     stamp = 10**9 + np.arange(N) * (10**9 // RATE)
     t = (stamp - stamp[0]) * 1e-9
     omega = 0.4 * np.sin(2 * np.pi * np.multiply.outer(t, [1.0, 1.2, 1.4]))
-    wrench = WrenchChannel("/wrench", "body", stamp, stamp, np.ones((N, 3)), 0.1 * omega)
+    wrench = WrenchChannel("/wrench", "body", stamp, stamp, 1 + 0.01 * omega, 0.1 * omega)
     imu = ImuChannel("/imu", "body", stamp, stamp, omega, np.ones((N, 3)))
     for name, value in changes.items():
         if name.startswith("wrench_"):
