@@ -130,6 +130,8 @@ class TopicMessages:
             parts.append(part if names == joints else {name: _among(x, names, joints) for name, x in part.items()})
         joined = parts[0]
         if len(parts) > 1:
+            if any(part[name].shape[1:] != joined[name].shape[1:] for part in parts for name in joined):
+                raise RigError("some messages of joint states lack values that others have: split the run")
             joined = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(joined)}
         log_time = joined["log_time"]
         if len(log_time) and (np.diff(log_time) < 0).any():

@@ -296,6 +296,7 @@ def _joint_states(
     used = measured if measures else complete
     chain.check_limits(position[used], name)
     angles, notes = chain.unwrapped(position[used])
+    angles = np.nan_to_num(angles, nan=0.0)  # of joints that are not used, which other messages name
     if measures:
         chain.check_velocities((instants[used] - instants[used][0]) / NANOSECONDS, angles, velocity[used], name)
     if not used.all():

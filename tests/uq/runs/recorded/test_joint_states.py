@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from identify.signals.run import RunError
+from rig.bags.topics import GrowingColumn, TopicMessages
 from rig.exceptions import RigError
 from tests.helpers.bags import STORE, header, wrench, write_rosbag2
 from uq.experiment.experiment import Experiment
@@ -292,3 +293,13 @@ def test_a_position_beyond_any_sensor_is_one_line(tmp_path, swing):
     path = write(tmp_path / "bag", (t, q, v, readings), velocities=False)
     with pytest.raises(RunError, match=r"position of /joint_states in bag is 1.0e\+200 at sample 50: no sensor reads"):
         load(path, experiment(tmp_path, text).recording, band=6.0)
+
+
+def test_messages_that_lack_velocities_others_have_are_one_line():
+    messages = TopicMessages("sensor_msgs/msg/JointState")
+    for names, width in ((NAMES, 0), (NAMES[:6], 6)):
+        columns = {"log_time": np.arange(2), "position": np.zeros((2, len(names))), "velocity": np.zeros((2, width))}
+        for name, values in columns.items():
+            messages.columns.setdefault(tuple(names), {}).setdefault(name, GrowingColumn(values)).extend(values)
+    with pytest.raises(RigError, match="lack values that others have: split the run"):
+        messages.arrays()
