@@ -10,6 +10,8 @@ import subprocess
 import sys
 from typing import Any
 
+ChildProcess = subprocess.Popen[bytes]
+"""A process that was started."""
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 """Folder of the packages that this process runs."""
 LAUNCHER = """\

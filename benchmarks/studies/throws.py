@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from benchmarks.studies.mujoco_sysid import AVAILABLE, INSTALL, thrown_by_sysid
-from identify.least_squares.run_lines import rows_of
+from identify.least_squares.run_lines import MOTION, OMEGA_R_OF_ACTING, rows_of
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, features
@@ -40,18 +40,25 @@ def plain(runs: Sequence[Run]) -> np.ndarray:
 def plain_lowpassed(runs: Sequence[Run], estimator: EstimatorSpec) -> np.ndarray:
     """Return the same, both sides of the regression behind the differentiator and low-pass of ``identify``."""
     rows = [rows_of(run, estimator) for run in runs]
-    return least_squares([row.phi for row in rows], [row.moment for row in rows])
+    return least_squares([row.signals[MOTION] for row in rows], [row.signals[-3:] for row in rows], OMEGA_R_OF_ACTING)
 
 
-def least_squares(phi: Sequence[np.ndarray], moment: Sequence[np.ndarray], *, offsets: bool = False) -> np.ndarray:
+def least_squares(
+    phi: Sequence[np.ndarray],
+    moment: Sequence[np.ndarray],
+    omega_r: np.ndarray = OMEGA_R_OF_FEATURES,
+    *,
+    offsets: bool = False,
+) -> np.ndarray:
     """Return the textbook's intervals, by ``s² (XᵀX)⁻¹``.
 
     Args:
-        phi: features of each run, (9, n).
+        phi: features of each run, (k, n).
         moment: about the centre of gravity, (3, n) [N·m].
+        omega_r: Omega_R of a unit of each feature, (k, 3, 6).
         offsets: whether three columns for an offset of the moment are added.
     """
-    columns = np.einsum("kn,kij->nij", np.hstack(phi), OMEGA_R_OF_FEATURES).reshape(-1, 6)
+    columns = np.einsum("kn,kij->nij", np.hstack(phi), omega_r).reshape(-1, 6)
     values = np.hstack(moment).T.ravel()
     if offsets:
         columns = np.hstack([columns, np.tile(np.eye(3), (len(values) // 3, 1))])

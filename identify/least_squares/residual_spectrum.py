@@ -292,7 +292,7 @@ BINS = 300
 """Most segments of time, and most frequencies."""
 POINTS = 1500
 """Most samples of the motion."""
-DRAWN = 5.0
+STRETCH = 5.0
 """Seconds of a run whose moment is drawn over time."""
 SEGMENTS = 8
 """Segments over which a spectrum is averaged, at least."""
@@ -355,23 +355,23 @@ def trace(
     """
     edges = _edges(len(t), BINS)
     low, high = (reach.reduceat(residuals, edges, axis=0) for reach in (np.minimum, np.maximum))
-    step = float(np.median(np.diff(t)))
-    segment = _longest(t, step)
-    frequency, densities = _density(residuals[segment][: len(moment)], 1 / step)
+    step, segment = float(np.median(np.diff(t))), longest_segment(t)
+    t_shown, residuals_shown = t[segment][: len(moment)], residuals[segment][: len(moment)]
+    frequency, densities = _density(residuals_shown, 1 / step)
     _, moment_densities = _density(moment, 1 / step)
     middle = (t[edges] + t[np.append(edges[1:], len(t)) - 1]) / 2
     moment_density = np.sqrt(np.mean(moment_densities**2, axis=1))
     return Trace(
         t=middle, low=low, high=high, frequency=frequency, residual_density=densities, moment_density=moment_density,
         omega=motion[:, :3], alpha=motion[:, 3:],
-        stretch=_stretch(t[segment], moment[segment], residuals[segment]),
+        stretch=_stretch(t_shown, moment, residuals_shown),
     )  # fmt: skip
 
 
 def _stretch(t: np.ndarray, moment: np.ndarray, residuals: np.ndarray) -> Stretch:
-    """The middle ``DRAWN`` seconds of a segment."""
+    """The middle ``STRETCH`` seconds of a segment."""
     middle = (t[0] + t[-1]) / 2
-    first, last = np.searchsorted(t, [middle - DRAWN / 2, middle + DRAWN / 2])
+    first, last = np.searchsorted(t, [middle - STRETCH / 2, middle + STRETCH / 2])
     signals = thinned(np.hstack([t[:, None], moment, moment - residuals])[first : last + 1])
     return Stretch(signals[:, 0], signals[:, 1:4], signals[:, 4:])
 
@@ -386,9 +386,9 @@ def _edges(count: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, count, min(count, most) + 1).astype(int)[:-1])
 
 
-def _longest(t: np.ndarray, step: float) -> slice:
-    """The longest segment without a gap."""
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 1.5 * step) + 1, [len(t)]])
+def longest_segment(t: Float[np.ndarray, " n"]) -> slice:
+    """Return the longest segment of instants [s] without a gap."""
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 1.5 * float(np.median(np.diff(t)))) + 1, [len(t)]])
     longest = int(np.argmax(np.diff(cuts)))
     return slice(int(cuts[longest]), int(cuts[longest + 1]))
 

@@ -170,7 +170,7 @@ def _run(argv: list[str], interrupt: Interrupt | None) -> int:
 def _refusal(name: str, rest: list[str]) -> str | None:
     """Say why a command cannot start, whatever its own options mean."""
     if name not in COMMANDS:
-        return f"unknown command {quoted(name[:30])}: choose one of {', '.join(COMMANDS)}"
+        return f"unknown command {quoted(name[:20])}: choose one of {', '.join(COMMANDS)}"
     if strange := [text for text in rest if not _is_unicode(text)]:
         return f"no UTF-8 in the argument {quoted(strange[0])}: rename the file, or set PYTHONUTF8=1"
     limit = _memory_limit()

@@ -11,7 +11,7 @@ from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rig.child_process import start_module
+from rig.child_process import ChildProcess, start_module
 from rig.exceptions import on_one_line
 from uq.jobs.jobs_file import Job
 
@@ -59,7 +59,7 @@ class _Worker:
     ) -> None:
         self.waiting, self.answered, self.out = waiting, answered, out
         self.lock, self.over = threading.Lock(), False
-        self.process: subprocess.Popen[bytes] | None = None
+        self.process: ChildProcess | None = None
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by end
         self.thread = threading.Thread(target=self._work, daemon=True)
         self.thread.start()
@@ -104,7 +104,7 @@ class _Worker:
         self._close()
         return answer
 
-    def _started(self) -> "subprocess.Popen[bytes] | None":
+    def _started(self) -> ChildProcess | None:
         """The process, started if there is none; None: it is over."""
         with self.lock:
             if self.process is None and not self.over:

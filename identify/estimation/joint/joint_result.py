@@ -18,7 +18,7 @@ from identify.estimation.joint.single_run import JointRun, alpha_noise_gain
 from identify.least_squares.covariance_matrices import root_of
 from identify.least_squares.offsets import Offsets
 from identify.least_squares.pooling import LEAST_EXCESS, scatter_warning
-from identify.least_squares.residual_spectrum import Trace, thinned, trace
+from identify.least_squares.residual_spectrum import Trace, longest_segment, thinned, trace
 from identify.results.alignment import Aligned, alignment_warnings, turn_warnings
 from identify.results.identification_result import RESIDUALS, Identification
 from identify.results.ledger import Ledger, Row
@@ -265,7 +265,8 @@ def _trace(fitted_run: JointRun, theta: np.ndarray) -> Trace:
     residuals = at.counted(at.residuals[:, :, None])[:, -3:, 0]
     signals, needed = at.signals, at.regressor @ at.x["inertia"]
     motion = thinned(np.hstack([signals.omega, signals.alpha]))
-    return trace(float(fitted_run.run.t[0]) + signals.t, residuals, needed + residuals, motion)
+    moment = (needed + residuals)[longest_segment(signals.t)]
+    return trace(float(fitted_run.run.t[0]) + signals.t, residuals, moment, motion)
 
 
 def _offsets(theta: np.ndarray, covariance: np.ndarray) -> Offsets:

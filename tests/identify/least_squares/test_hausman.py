@@ -105,7 +105,7 @@ ERRORS = {
 def test_a_difference_that_declared_errors_explain_is_expected(option):
     """Ordinary least squares of the laboratory with the error, less those with its negative: to 3 % of the largest."""
     unknown, numbers, amount = ERRORS[option]
-    error = [DeclaredError(unknown, numbers)]
+    error = [[DeclaredError(unknown, numbers)]]
     negative, wrong = (measure(3, seconds=15.0, **{option: sign * np.array(amount)}) for sign in (-1, 1))
     both = [compared([run], error) for run in (negative, wrong)]
     # to second order the derivatives differ, and their mean is the secant's slope

@@ -194,13 +194,13 @@ def test_a_chunk_of_short_records_of_an_unused_kind(tmp_path):
 
 
 def test_json_counts_twice(tmp_path):
-    """Its numbers become objects one by one: 40 MiB in one compressed chunk are too much."""
+    """Its numbers become objects one by one: 60 MiB in one compressed chunk are too much."""
     text = b'{"header":{"stamp":{"sec":1,"nsec":2}},"wrench":{"force":[1,2,3],"torque":[1,2,3]}}' + b" " * 2000
     with open(tmp_path / "bomb.mcap", "wb") as stream:
         writer = McapWriter(stream, compression=CompressionType.ZSTD, chunk_size=2**27)
         writer.start()
         number = writer.register_channel("/wrench", "json", writer.register_schema(WRENCH_TYPE, "", b""))
-        for _ in range(40 * 2**20 // len(text)):
+        for _ in range(60 * 2**20 // len(text)):
             writer.add_message(number, 5, text, 5)
         writer.finish()
     refused("too much to unpack", "inspect", tmp_path / "bomb.mcap")

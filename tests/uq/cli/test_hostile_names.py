@@ -42,6 +42,7 @@ TURNED = [
     f"identify {NAME}.mcap --experiment e.toml --centre {NAME}.mcap",
     f"identify {NAME}.mcap --experiment e.toml --expected {NAME}.mcap",
     f"identify {NAME}.mcap --experiment e.toml --mounting {NAME},b",
+    f"calibrate {NAME}.mcap --known {NAME}.mcap --experiment e.toml",
     f"centre {NAME}.mcap --experiment e.toml",
     f"noise {NAME}.mcap -o {NAME}5.toml",
     f"recover {NAME}.mcap -o {NAME}2.mcap",

@@ -249,7 +249,7 @@ def test_a_motion_that_the_slower_sensor_cannot_follow_is_refused(folder, short,
 def test_a_band_too_high_for_the_rate_names_the_highest(folder, short, signals, method):
     path = write(folder / f"{method}.mcap", signals)
     high = dataclasses.replace(declare(short), estimators=(dataclasses.replace(short.estimators[1], band=25.0),))
-    with pytest.raises(RunError, match=r"400 Hz, too few .* of 25 Hz, the band .* at most 1\d\.\d Hz") as refused:
+    with pytest.raises(RunError, match=r"400 Hz, too few .* of 25 Hz .* a band, here at most 1\d\.\d Hz") as refused:
         identify_files([path], high, method=method)
     highest = float(str(refused.value).split("at most ")[1].split(" Hz")[0])
     assert matched(400.0, 0.99 * highest).size == 3 - 1

@@ -16,6 +16,7 @@ from tests.helpers.mujoco_rig import GRAVITY, Load, Rig
 from uq.cli import identify as command
 from uq.cli.main import main
 from uq.experiment.experiment import Experiment
+from uq.jobs import body_request
 from uq.report.certificate.certificate import Certificate
 from uq.runs.identification.static_centre import centre_file
 from uq.runs.identification.tare import tare_files
@@ -98,7 +99,7 @@ class Bench:
         certificates, before = [], []
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(command, "finish", lambda certificate, *_: certificates.append(certificate))
-            patch.setattr(command, "tare_files", lambda *a, **k: before.append(a[0]) or tare_files(*a, **k))
+            patch.setattr(body_request, "tare_files", lambda *a, **k: before.append(a[0]) or tare_files(*a, **k))
             assert main(["identify", self.run(name), "--experiment", experiment, *options]) == 0
         return certificates[0], before[0]
 

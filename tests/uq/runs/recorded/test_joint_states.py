@@ -258,7 +258,7 @@ def published(q, v, case):
     [
         ("nan velocities", ""), ("zero velocities", ""), ("wrapped", "the jumps of joint 'arm_7' by a turn"),
         ("gripper", "1,000 messages of /joint_states without all its joints"), ("two halves", ""),
-        ("prefix", "without the recorded prefix 'left/'"), ("one NaN", "1 messages of /joint_states"),
+        ("prefix", "without the recorded prefix 'left/'"), ("one NaN", "1 message of /joint_states"),
     ],
 )  # fmt: skip
 def test_joints_as_robots_publish_them(tmp_path, swing, case, note, gravity):
