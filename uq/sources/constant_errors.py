@@ -130,3 +130,13 @@ def declared_sigma(sources: Sequence[Source], field: str) -> np.ndarray:
     """Return the standard deviation of one field of :class:`Errors`, of all sources that set it together; SI."""
     effects = [effect(source, source.standard_deviation) for source in sources if source.perturbs == field]
     return np.asarray(np.sqrt(sum(map(np.square, effects), np.zeros(getattr(no_errors(), field).shape))))
+
+
+def declared_mean(sources: Sequence[Source], field: str) -> np.ndarray:
+    """Return the expectation of one field of :class:`Errors`, of all sources that set it together; SI."""
+    effects = [
+        effect(source, np.broadcast_to(source.mean, np.shape(source.sigma)))
+        for source in sources
+        if source.perturbs == field
+    ]
+    return np.asarray(sum(effects, np.zeros(getattr(no_errors(), field).shape)))

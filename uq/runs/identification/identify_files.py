@@ -42,7 +42,7 @@ from uq.runs.recorded.gravity_compensation import undo
 from uq.runs.recorded.load_run import load
 from uq.runs.recorded.measured_noise import noise_warnings
 from uq.runs.recorded.time_window import TimeWindow, cut, names_marks
-from uq.sources.constant_errors import declared_sigma
+from uq.sources.constant_errors import declared_mean, declared_sigma
 from uq.sources.source import KINDS, is_declared
 
 WITH_FIXTURE = "the result is of body and fixture: tare_files(result, [], experiment) takes off what [fixture] states"
@@ -235,9 +235,11 @@ def alignment_of(experiment: Experiment) -> Alignment:
     recording, stated = experiment.recording, experiment.recording.alignment
     delay, turn = (declared_sigma(experiment.sources, field) for field in ("gyro_delay", "gyro_misalignment"))
     if recording.sigma_delay is None and delay > 0:
-        stated = replace(stated, sigma_delay=float(delay))
+        late = declared_mean(experiment.sources, "gyro_delay")
+        stated = replace(stated, sigma_delay=float(delay), delay=stated.delay + float(late))
     if recording.sigma_rotation is None and turn.any():
-        stated = replace(stated, sigma_rotation=(float(turn[0]), float(turn[1]), float(turn[2])))
+        mean = np.add(stated.rotation, declared_mean(experiment.sources, "gyro_misalignment"))
+        stated = replace(stated, sigma_rotation=tuple(turn.tolist()), rotation=tuple(mean.tolist()))
     return stated
 
 

@@ -231,3 +231,14 @@ def test_static_poses_are_corrected_too(rig, tmp_path):
     found = centre_file(tmp_path / "poses.csv", Experiment.from_dict(content))
     np.testing.assert_allclose([found.mass, *found.r_cg], [mass, *r_cg], rtol=1e-4, atol=1e-5)
     assert all(name.startswith("calibration_1 ") for name in found.lasting_names)
+
+
+def test_a_turn_that_alone_is_calibrated_is_the_joint_estimates_prior(tmp_path):
+    """Of one source nothing is correlated: its mean is that of the alignment."""
+    measured = measure(700, seconds=SECONDS, imu_turn=(0.02, 0.0, -0.01))
+    turn = {"name": "axes", "target": "omega", "kind": "misalignment", "group": "calibration_1"}
+    turn |= {"mean": ["0.02 rad", "0 rad", "-0.01 rad"], "sigma": ["0.1 mrad"] * 3}
+    content = document(measured, "joint", [turn]) | {"calibration": [{"group": "calibration_1"}]}
+    result = identify_files([write(tmp_path / "run.mcap", measured)], Experiment.from_dict(content))
+    np.testing.assert_allclose(result.rotation.value, [0.02, 0.0, -0.01], atol=4e-4)
+    assert not result.declarations
