@@ -28,8 +28,8 @@ def check_covariances(result: Identification) -> None:
         least = least_eigenvalue(covariance)
         if least < LEAST:
             raise RunError(
-                f"the covariance of {what} is not positive semidefinite (eigenvalue {least:.2g} of its correlations), "
-                "so that its intervals would mean nothing: check the declared uncertainties, or use the method source"
+                f"the covariance of {what} is not positive semidefinite (eigenvalue {least:.2g}): check the declared "
+                "uncertainties, or use the method source"
             )
 
 

@@ -192,7 +192,7 @@ class Contents:
         candidates = sorted(name for name in self.types if self.types[name] in wanted)
         if topic is not None and topic not in self.types:
             raise RigError(
-                f"no topic {topic} in {self.path}: choose one of {listed(candidates) or 'none'} ({expected})"
+                f"no topic {topic} in {self.path}: choose one of {listed(candidates) or f'none ({expected})'}"
             )
         if topic is not None and self.types[topic] not in wanted:
             raise RigError(
