@@ -97,7 +97,7 @@ MADE: dict[ErrorModel, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
 
 
 def tensor_shift(
-    result: Identification, weights: Sequence[float], way: JudgedWay, added: Sequence[Float[np.ndarray, "n 6"]]
+    result: Identification, weights: Sequence[float], way: JudgedWay, added: Sequence[np.ndarray]
 ) -> Float[np.ndarray, "6"]:
     """Return the error that a change of the measured wrench of each run makes in the tensor of a result [kg·m²]."""
     columns = [change[:, :, None] for change in added]

@@ -184,14 +184,16 @@ def _group(about: Mapping[str, Any]) -> str:
 def _departures(posterior: RigErrors, errors: Sequence[CalibratedError]) -> list[str]:
     """Text on errors that are larger than chance makes them, and on the known body's part in it."""
     doubts = [_doubt(doubt) for doubt in posterior.doubts[:2] if doubt.log_odds > DOUBTED]
-    if posterior.chance > IMPROBABLE and not doubts:
-        return []
+    either = ", or ".join(doubts)
+    if posterior.chance > IMPROBABLE:
+        cure = "check the body, or add a second one"
+        return [f"{either}, which is more probable than errors of the rig: {cure}"] if doubts else []
     text = (
         f"the rig's errors are larger than expected (chi-squared {posterior.departure:.0f} of {posterior.directions}): "
         f"{_largest(errors)}"
     )
     cure = "if the rig is known to err so, declare it wider in [[source]]; else check the body, or add a second one"
-    return [f"{text}{'; or ' if doubts else ''}{', or '.join(doubts)}: {cure}"]
+    return [f"{text}{'; or ' if doubts else ''}{either}: {cure}"]
 
 
 def _largest(errors: Sequence[CalibratedError]) -> str:
