@@ -61,11 +61,11 @@ def row(case: str, options: argparse.Namespace, folder: Path) -> list[str]:
     warm = {way: min(seconds(way, case, options, cache, out[way]) for _ in range(options.rounds)) for way in WAYS}
     command = ["-c", BEGIN, "montecarlo", file, "--trials", str(options.trials), "--trajectory", trajectory]
     user_seconds(command, HERE, cache)
-    one = min(user_seconds(command, HERE, cache) for _ in range(options.rounds))
+    single_command = min(user_seconds(command, HERE, cache) for _ in range(options.rounds))
     errors = [np.load(path) for path in out.values()]
     spreads = [x.std(axis=1) for x in errors]
     apart = "same bits" if np.array_equal(*errors) else f"{np.nanmax(np.abs(spreads[0] / spreads[1] - 1)):.1e}"
-    commands = options.values * one
+    commands = options.values * single_command
     figures = [cold["sweep"], cold["loop"], warm["sweep"], warm["loop"], commands, commands / warm["sweep"]]
     return [case, *(f"{figure:.1f}" for figure in figures), apart]
 

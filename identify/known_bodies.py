@@ -194,8 +194,8 @@ def _pooled(bodies: Sequence[KnownBody]) -> PooledJoint:
         for number, body in enumerate(bodies) for run in body.problem.runs
     ]  # fmt: skip
     shared = shared_unknowns(bodies[0].problem.errors, calibrated=False)
-    of_bodies = {*OF_THE_BODY}
-    return pool(runs, shared - of_bodies, of_bodies) if several else pool(runs, shared | of_bodies)
+    body_unknowns = {*OF_THE_BODY}
+    return pool(runs, shared - body_unknowns, body_unknowns) if several else pool(runs, shared | body_unknowns)
 
 
 class _Information(NamedTuple):

@@ -39,11 +39,11 @@ class ClockTracker:
         self._hull: list[tuple[int, int]] = []
         self._fit: ClockFit | None = None
         self._last: tuple[int, int] | None = None  # device time and stamp of the sample before
-        self.late = 0  # ns by which stamps have proved late: a sample arrived so much before the line
+        self.stamp_excess = 0  # ns by which stamps have proved late: a sample arrived so much before the line
 
     def begin(self) -> None:
         """Forget the stamps so far, and of the fit all but the fastest arrival: others may have waited to be read."""
-        self.late = 0
+        self.stamp_excess = 0
         self._hull, self._fit = sorted(self._hull, key=itemgetter(1))[:1], None
         if self._last is not None:
             self._last = self._last[0], -LARGEST
@@ -95,7 +95,7 @@ class ClockTracker:
     def _prove(self, device: int, arrival: int) -> None:
         """Notice that stamps so far are late."""
         if self._last is not None and self._last[1] > -LARGEST and device > self._hull[-1][0]:
-            self.late = max(self.late, self.fit.host(device) - arrival)
+            self.stamp_excess = max(self.stamp_excess, self.fit.host(device) - arrival)
 
     def stamp(self, device: int, arrival: int) -> int:
         """Take a sample and return its time of measurement in host time [ns].

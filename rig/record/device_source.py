@@ -176,7 +176,7 @@ class DeviceSource:
         if not self.clock.jumps(device, arrived):
             self._jumped = 0
             stamp = self.clock.stamp(device, arrived)
-            if self.clock.late > LATE and self._stamped_by == "clock" and not self._was_late:
+            if self.clock.stamp_excess > LATE and self._stamped_by == "clock" and not self._was_late:
                 self._was_late = True
                 why = "its bytes waited to be read, or its clock is not steady"
                 self.troubles.append(

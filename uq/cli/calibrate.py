@@ -1,18 +1,15 @@
 """``inertia calibrate``: the rig's errors from runs of known bodies, as sources that an experiment includes."""
 
 import argparse
-import os
 from datetime import date
-from pathlib import Path
 
-from rig.atomic_files import replacing
-from rig.exceptions import RigError, on_one_line, quoted
+from rig.exceptions import quoted
 from uq.bodies.calibration.calibrate_files import calibrate_files
 from uq.cli.terminal.command_parser import CommandParser
 from uq.cli.terminal.common import finish, output_folder, start_jax
+from uq.cli.terminal.sources import new_sources_file, write_sources
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import ExperimentError
-from uq.files.toml_text import toml_text
 
 
 def configure(parser: CommandParser) -> None:
@@ -32,18 +29,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     start_jax()
     bodies = _bodies(arguments.runs, arguments.known)
-    output = None if arguments.output is None else Path(arguments.output)
-    if output is not None and os.path.lexists(output):
-        raise RigError(f"{quoted(str(output))} exists: give another name to -o")
+    output = new_sources_file(arguments.output)
     experiment = Experiment.load(arguments.experiment)
     with output_folder(arguments.out) as out:
         result = calibrate_files(bodies, experiment, due=_day(arguments.due))
         finish(result, out)
-    if output is not None:
-        with replacing(output) as file:  # another may have appeared meanwhile
-            file.write(toml_text(result.sources()).lstrip().encode())
-        print()
-        print(on_one_line(f'{output} is written; use it in an experiment: include = ["{output.name}"]'))
+    write_sources(output, result.sources())
     return 0
 
 

@@ -70,9 +70,11 @@ def joint_result(joint_runs: Sequence[JointRun], setting: Setting, offsets: Offs
     weighed = setting.specific_force != "none" or covariance[mass, mass] < (WEIGHED * value[mass]) ** 2
     cell_may_turn = _cell_may_turn(setting)
     # what a calibration has found is not for the motion to tell
-    known = {error.unknown for error in setting.errors.values() if error.correlated_as}
-    told_rotation = None if cell_may_turn or "rotation" in known else rotation
-    warnings += alignment_warnings(None if "delay" in known else delay, told_rotation)
+    calibrated_unknowns = {error.unknown for error in setting.errors.values() if error.correlated_as}
+    warnings += alignment_warnings(
+        None if "delay" in calibrated_unknowns else delay,
+        None if cell_may_turn or "rotation" in calibrated_unknowns else rotation,
+    )
     if not cell_may_turn and setting.alignment.sigma_rotation == Alignment().sigma_rotation:
         warnings += turn_warnings(rotation, inertia, half)
     warnings += _warnings(pooled, bias, half / factor, len({fitted_run.run.mounting for fitted_run in joint_runs}))

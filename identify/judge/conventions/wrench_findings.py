@@ -86,12 +86,12 @@ def wrench_findings(
 
 def _late_in_place_of_turned(wrench: WrenchSignal, imu: ImuSignal, run: ExaminedRun) -> list[Finding]:
     """Return the findings with a sensor that is late, where without its lag no small turn is left; none: one is."""
-    late = late_sensor(wrench, imu, run.wrench)
-    sums = None if late is None else convention_sums(wrench._replace(time=wrench.time - late.lag), imu)
-    if late is None or sums is None:
+    lagging = late_sensor(wrench, imu, run.wrench)
+    sums = None if lagging is None else convention_sums(wrench._replace(time=wrench.time - lagging.lag), imu)
+    if lagging is None or sums is None:
         return []
     findings = list(findings_of_run(ExaminedRun(sums, run.declared, run.wrench, run.imu, upward=run.upward)))
-    return [] if any(isinstance(finding, TurnedALittle) for finding in findings) else [late, *findings]
+    return [] if any(isinstance(finding, TurnedALittle) for finding in findings) else [lagging, *findings]
 
 
 def findings_of_run(run: ExaminedRun) -> Iterator[Finding]:

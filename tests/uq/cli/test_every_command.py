@@ -71,8 +71,8 @@ def test_calibrate(bench, said):
     moments = [f'{name} = "{value} g*m^2"' for name, value in (("I11", 381.3), ("I22", 18.5), ("I33", 379.1))]
     lines = ['about = "CG"', 'products = "tensor"', 'mass = "19.7 kg"', 'cg = ["0 mm", "0 mm", "53 mm"]']
     (bench / "standard.toml").write_text("\n".join(["[cad]", *lines, "[cad.inertia]", *moments]))
-    known = ["--known", "standard.toml", "--experiment", "open.toml", "-o", "rig.toml"]
-    assert "rig.toml is written" in said("calibrate", "simulated.mcap", *known)
+    options = ["--known", "standard.toml", "--experiment", "open.toml", "-o", "rig.toml"]
+    assert "rig.toml is written" in said("calibrate", "simulated.mcap", *options)
     sources = Experiment.from_dict({"include": ["rig.toml"]}, bench).sources
     assert all((np.abs(source.mean) < 3 * source.sigma + 1e-12).all() for source in sources)
 

@@ -242,6 +242,7 @@ def stand_in(tmp_path, monkeypatch):
     return results
 
 
+# Windows ends a process without a signal, whose number is what the line says
 @pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_process_that_dies_costs_its_job_alone(stand_in):
     lines = {result.name: result.line for result in stand_in("a", "dies", "b", "fails", "c")}

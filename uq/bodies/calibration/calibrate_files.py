@@ -66,14 +66,14 @@ def calibrate_files(
     runs = [run for body in prepared for run in body.runs]
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
     opened = open_errors(
-        experiment, duration, largest_wrench(runs), aligned=first.found.method == "joint", absent=first.absent
+        experiment, duration, largest_wrench(runs), aligned=first.identified.method == "joint", absent=first.absent
     )
     if not opened.priors:
         raise ExperimentError("no error of the rig is open: declare them in [[source]], or write [undeclared]")
-    posterior = rig_errors([body.known(opened) for body in prepared])
-    errors, covariance = _calibrated(opened, posterior, first.known(opened).alignment)
+    posterior = rig_errors([body.with_errors(opened) for body in prepared])
+    errors, covariance = _calibrated(opened, posterior, first.with_errors(opened).alignment)
     inputs = [entry for body in prepared for entry in body.inputs]
-    warnings = [f"{body.name}: {finding.text}" for body in prepared for finding in _elsewhere(body.found)]
+    warnings = [f"{body.name}: {finding.text}" for body in prepared for finding in _elsewhere(body.identified)]
     performed = recorded_days(inputs)
     about: dict[str, Any] = {"made": date.today()} | ({"performed": performed[-1]} if performed else {})
     about |= {"due": due} if due else {}
@@ -87,7 +87,7 @@ def calibrate_files(
         errors=errors, covariance=covariance, departure=posterior.departure, directions=posterior.directions,
         chance=posterior.chance, scatter=posterior.scatter, doubts=posterior.doubts,
         group=_group(about), about=about, warnings=(*_departures(posterior, errors), *warnings),
-        assumptions=(RIGHT, *first.found.assumptions),
+        assumptions=(RIGHT, *first.identified.assumptions),
         provenance=provenance(**experiment.inputs(), bodies=[body.about for body in prepared], inputs=inputs),
     )  # fmt: skip
 
@@ -102,10 +102,10 @@ class _Prepared:
             raise ExperimentError(f"{self.name} states no tensor: a known body needs one")
         self.about = {"name": self.name, "file": self.reference.file, "sha256": self.reference.sha256}
         self.experiment = self._with_body(experiment)
-        self.found = identify_files(paths, self.experiment)
+        self.identified = identify_files(paths, self.experiment)
         spec = self.experiment.estimator() if self.experiment.estimators else None
         self.runs = [prepared_run(path, self.experiment, spec, None)[0] for path in paths]
-        self.inputs: list[Mapping[str, Any]] = list(self.found.provenance["inputs"])
+        self.inputs: list[Mapping[str, Any]] = list(self.identified.provenance["inputs"])
         recording = self.experiment.recording
         self.problem = Problem(
             runs=tuple(self.runs), r_cg=self.experiment.stated_r_cg, sigma_r_cg=self.experiment.sigma_r_cg,
@@ -126,17 +126,17 @@ class _Prepared:
     def absent(self) -> frozenset[str]:
         """Conditions of errors that this rig does not meet."""
         absent = set()
-        weightless = any(falls(run, self.found, self.problem) for run in self.runs)
+        weightless = any(falls(run, self.identified, self.problem) for run in self.runs)
         if weightless:
             absent.add("mounting")
         if weightless or specific_force_source(self.problem) != "accelerometer":
             absent.add("accelerometer")
         return frozenset(absent)
 
-    def known(self, opened: OpenErrors) -> KnownBody:
+    def with_errors(self, opened: OpenErrors) -> KnownBody:
         """Return the body with the errors that are open."""
         problem = replace(self.problem, errors=opened.priors)
-        return KnownBody(self.name, self.reference.parameters, problem, self.found)
+        return KnownBody(self.name, self.reference.parameters, problem, self.identified)
 
 
 def _calibrated(
@@ -168,10 +168,12 @@ def _calibrated(
     return tuple(errors), every @ posterior.covariance @ every.T
 
 
-def _elsewhere(found: Identification) -> list[ResidualCause]:
+def _elsewhere(identified: Identification) -> list[ResidualCause]:
     """Findings that are no errors of load cell or IMU, which the calibration itself finds."""
     sensors = {error.label for error in ERRORS.values() if error.part not in ("body", "rig") and error.scope == "rig"}
-    return [finding for finding in found.consistency if finding.cause not in {*sensors, *SCATTER} and not finding.note]
+    return [
+        finding for finding in identified.consistency if finding.cause not in {*sensors, *SCATTER} and not finding.note
+    ]
 
 
 def _group(about: Mapping[str, Any]) -> str:

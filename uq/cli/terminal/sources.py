@@ -1,16 +1,20 @@
-"""Choice of the sources that count: ``--without``, and an earlier result's note of those beyond the law."""
+"""Sources in commands: which count (``--without``), those beyond the law, and files of them that are written."""
 
 import contextlib
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rig.atomic_files import replacing
+from rig.exceptions import RigError, on_one_line, quoted
 from rig.read_limits import parse_json
 from uq.analysis.propagation.uncovered_sources import BeyondLawError
 from uq.cli.terminal.command_parser import CommandParser
 from uq.experiment.experiment import Experiment
+from uq.files.toml_text import toml_text
 
 
 def add_without_option(parser: CommandParser) -> None:
@@ -19,6 +23,30 @@ def add_without_option(parser: CommandParser) -> None:
         "--without", "SOURCE", action="append", default=[],
         text="leave out a source, by its name or kind, such as coloured; repeatable",
     )  # fmt: skip
+
+
+def new_sources_file(name: str | None) -> Path | None:
+    """Return the path of ``-o``, to which sources are to be written; None: to none.
+
+    Raises:
+        RigError: it exists.
+    """
+    if name is not None and os.path.lexists(name):
+        raise RigError(f"{quoted(name)} exists: give another name to -o")
+    return None if name is None else Path(name)
+
+
+def write_sources(output: Path | None, content: Mapping[str, Any]) -> None:
+    """Write a file that an experiment includes, and say how; None: nothing is written.
+
+    Raises:
+        RigError: it exists, having appeared meanwhile.
+    """
+    if output is not None:
+        with replacing(output) as file:
+            file.write(toml_text(content).lstrip().encode())
+        print()
+        print(on_one_line(f'{output} is written; use it in an experiment: include = ["{output.name}"]'))
 
 
 @contextlib.contextmanager

@@ -235,8 +235,8 @@ def alignment_of(experiment: Experiment) -> Alignment:
     recording, stated = experiment.recording, experiment.recording.alignment
     delay, turn = (declared_sigma(experiment.sources, field) for field in ("gyro_delay", "gyro_misalignment"))
     if recording.sigma_delay is None and delay > 0:
-        late = declared_mean(experiment.sources, "gyro_delay")
-        stated = replace(stated, sigma_delay=float(delay), delay=stated.delay + float(late))
+        mean_delay = stated.delay + float(declared_mean(experiment.sources, "gyro_delay"))
+        stated = replace(stated, sigma_delay=float(delay), delay=mean_delay)
     if recording.sigma_rotation is None and turn.any():
         mean = np.add(stated.rotation, declared_mean(experiment.sources, "gyro_misalignment"))
         stated = replace(stated, sigma_rotation=tuple(turn.tolist()), rotation=tuple(mean.tolist()))

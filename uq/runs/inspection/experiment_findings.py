@@ -81,8 +81,8 @@ def _contradictions(run: Run, experiment: Experiment, *, undone: bool, turn_free
     together = wrench_findings(wrench, imu, rig, wrench_topic=run.name, imu_topic=run.name, attitude=attitude)
     # a zero along axes at rest moves in B as a lag would move the weight
     shows_lags = recording.method == "joint" and not run.zero_at_rest
-    if not together and shows_lags and (late := late_sensor(wrench, imu, run.name)):
-        together = [late] * (abs(late.lag) > LEAST_LAG + 3 * recording.alignment.sigma_delay)
+    if not together and shows_lags and (lagging := late_sensor(wrench, imu, run.name)):
+        together = [lagging] * (abs(lagging.lag) > LEAST_LAG + 3 * recording.alignment.sigma_delay)
     late_too = [replace(part, declared=delay) if isinstance(part, LateSensor) else part for part in together]
     return [*from_imu, *late_too]
 

@@ -275,9 +275,9 @@ class _Channels:
     def _advance(self, delay: float) -> None:
         """Take the specific force so much later [s] than the angular velocity, where both are known."""
         later = self.t_imu + delay
-        known = (later >= self.t_imu[0]) & (later <= self.t_imu[-1])
-        self.specific_force = interpolate(self.t_imu, self.specific_force, later[known])
-        self.t_imu, self.omega = self.t_imu[known], self.omega[known]
+        in_both = (later >= self.t_imu[0]) & (later <= self.t_imu[-1])
+        self.specific_force = interpolate(self.t_imu, self.specific_force, later[in_both])
+        self.t_imu, self.omega = self.t_imu[in_both], self.omega[in_both]
 
     def _sift(self, parts: tuple[np.ndarray, ...], t: np.ndarray, flagged: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the mask of the samples of a sensor to keep, and the instants near which nothing must be used."""

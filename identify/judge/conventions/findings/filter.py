@@ -116,7 +116,7 @@ class LateSensor(Finding):
 
     @property
     def cure(self) -> Cure:
-        late = Entries(
+        delayed = Entries(
             {"delay": f"{self.declared - self.lag:.4f} s"}, remark=" (of method joint) if its stamps are late"
         )
         change = f"mass and tensor are then {'larger' if self.lag > 0 else 'smaller'} by about {self._percent} %"
@@ -126,7 +126,7 @@ class LateSensor(Finding):
         )
         unfiltered = f"record it before its filter ({change})"
         decides = "; the settings of sensor and driver, or a faster motion, decide"
-        return Cure(choices=[late, corner if self.lag > 0 else unfiltered], then=decides)
+        return Cure(choices=[delayed, corner if self.lag > 0 else unfiltered], then=decides)
 
     @property
     def _percent(self) -> str:

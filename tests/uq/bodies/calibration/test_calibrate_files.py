@@ -134,9 +134,9 @@ def test_a_body_that_is_not_held_is_named(rig, tmp_path):
 def test_what_a_result_must_say_of_its_calibration(rig, other):
     path, content, _ = other
     folder, *_, result = rig
-    late = result.sources()
-    late["calibration"][0] |= {"due": date(2023, 1, 1), "warnings": ["the drawing may be wrong"]}
-    (folder / "late.toml").write_text(toml_text(late))
+    past_due = result.sources()
+    past_due["calibration"][0] |= {"due": date(2023, 1, 1), "warnings": ["the drawing may be wrong"]}
+    (folder / "late.toml").write_text(toml_text(past_due))
     warnings = identify_files([path], Experiment.from_dict(content | {"include": ["late.toml"]}, folder)).warnings
     assert any("was due on 2023-01-01, before the run of 2023-11-14: calibrate again" in text for text in warnings)
     assert any(text.endswith("the drawing may be wrong") for text in warnings)
@@ -145,7 +145,7 @@ def test_what_a_result_must_say_of_its_calibration(rig, other):
 @pytest.mark.slow
 def test_two_known_bodies(rig, tmp_path):
     """A second body: of the first, its own figures alone are doubted."""
-    _, body, paths, experiment, one = rig
+    _, body, paths, experiment, by_first = rig
     options = RIG | BODY
     more, _ = runs_of(tmp_path, options, first=600)
     text = re.sub(r'name = "standard"', 'name = "second"', body.read_text())
@@ -155,7 +155,7 @@ def test_two_known_bodies(rig, tmp_path):
     second = tmp_path / "second.toml"
     second.write_text(text)
     both = calibrate_files([(body, paths), (second, more)], experiment)
-    alone, together = (error_named(result, "M", "scale") for result in (one, both))
+    alone, together = (error_named(result, "M", "scale") for result in (by_first, both))
     assert (together.standard_uncertainty < alone.standard_uncertainty).all()
     np.testing.assert_allclose(together.mean, GAIN, atol=3 * together.standard_uncertainty.max())
 
@@ -228,9 +228,9 @@ def test_static_poses_are_corrected_too(rig, tmp_path):
             "gravity": ["gx", "gy", "gz"], "force": ["fx", "fy", "fz"], "moment": ["mx", "my", "mz"],
         },
     }  # fmt: skip
-    found = centre_file(tmp_path / "poses.csv", Experiment.from_dict(content))
-    np.testing.assert_allclose([found.mass, *found.r_cg], [mass, *r_cg], rtol=1e-4, atol=1e-5)
-    assert all(name.startswith("calibration_1 ") for name in found.lasting_names)
+    centre = centre_file(tmp_path / "poses.csv", Experiment.from_dict(content))
+    np.testing.assert_allclose([centre.mass, *centre.r_cg], [mass, *r_cg], rtol=1e-4, atol=1e-5)
+    assert all(name.startswith("calibration_1 ") for name in centre.lasting_names)
 
 
 def test_a_turn_that_alone_is_calibrated_is_the_joint_estimates_prior(tmp_path):
