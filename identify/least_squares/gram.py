@@ -170,25 +170,3 @@ def _change_of_inverse(primals, tangents):
 
 def _product(first: Float[Array, "i j *#trials"], second: Float[Array, "j k *#trials"]) -> Float[Array, "i k *#trials"]:
     return jnp.einsum("ij...,jk...->ik...", first, second)
-
-
-Root = dict[tuple[int, int], Array]
-"""A lower triangular matrix entry by entry, each an array over trials."""
-
-
-def triangular_root(matrix: Float[Array, "k k *trials"]) -> tuple[Root, list[Array]]:
-    """Return Cholesky's L with ``L Lᵀ`` the matrix, and the reciprocals of its diagonal.
-
-    A column whose pivot is not positive is zero, and so is its reciprocal: a covariance that is singular has its root.
-    """
-    root: Root = {}
-    scale: list[Array] = []
-    for j in range(len(matrix)):
-        pivot = matrix[j, j] - sum(root[j, k] * root[j, k] for k in range(j))
-        positive = pivot > 0
-        # a safe denominator: the branch that is not taken must have no NaN in its derivative
-        scale.append(jnp.where(positive, jax.lax.rsqrt(jnp.where(positive, pivot, 1.0)), 0.0))
-        root[j, j] = pivot * scale[j]
-        for i in range(j + 1, len(matrix)):
-            root[i, j] = scale[j] * (matrix[i, j] - sum(root[i, k] * root[j, k] for k in range(j)))
-    return root, scale

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from identify.least_squares.gram import triangular_root
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, PAIRS, Array, ArrayT, library_of
 from uq.monte_carlo.gram_sums.noise_algebra import expectation_terms
 from uq.monte_carlo.gram_sums.run_sums import FeatureSums
@@ -34,6 +33,11 @@ TWO_WAYS = (FACTORS[:, 0] != FACTORS[:, 1]).astype(float)
 
 LOWER6, LOWER9 = (np.array([(i, j) for i in range(size) for j in range(i + 1)]) for size in (6, 9))
 """Places of the lower triangle."""
+PLACE6 = np.zeros((6, 6), np.int32)
+"""Of an entry of a symmetric matrix in its lower triangle."""
+PLACE6[tuple(LOWER6.T)] = PLACE6.T[tuple(LOWER6.T)] = range(21)
+CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).transpose(2, 1, 0)
+"""``(CROSS @ r) @ F`` is ``r × F``."""
 
 
 def _weights() -> np.ndarray:
@@ -103,11 +107,8 @@ class Equations(NamedTuple):
 
 
 def times(first: Float[ArrayT, "i k *#trials"], second: Float[ArrayT, "k j *#trials"]) -> Float[ArrayT, "i j *#trials"]:
-    """Return the product of two matrices trial by trial, as a sum of outer products: each is one long loop."""
-    total = first[:, 0, None] * second[None, 0]
-    for k in range(1, first.shape[1]):
-        total = total + first[:, k, None] * second[None, k]
-    return total
+    """Return the product of two matrices trial by trial; the sum runs over whole vectors of trials."""
+    return library_of(first, second).sum(first[:, :, None] * second[None], axis=1)
 
 
 def feature_map(
@@ -186,15 +187,12 @@ def residual_covariance(
     cell: Float[ArrayT, "6 6 *#trials"], r_cg: Float[ArrayT, "3 *#trials"]
 ) -> Float[ArrayT, "6 *trials"]:
     """Return the covariance of ``M - r × F`` for that of force and moment, pair by pair of :data:`AXES`."""
-    r1, r2, r3 = r_cg
-    crossed: list[dict[int, Array]] = [{1: r3, 2: -r2}, {0: -r3, 2: r1}, {0: r2, 1: -r1}]  # -r ×, row by row
-
-    def row(a: int, m: int) -> Array:
-        return cell[3 + a, m] + sum(x * cell[k, m] for k, x in crossed[a].items())
-
-    return library_of(cell, r_cg).stack(
-        [row(a, 3 + b) + sum(row(a, k) * x for k, x in crossed[b].items()) for a, b in AXES]
-    )
+    xp = library_of(cell, r_cg)
+    of_force = -xp.tensordot(CROSS, r_cg, 1)  # -r × F of a unit force, an axis a column
+    of_moment = xp.broadcast_to(xp.expand_dims(xp.eye(3), tuple(range(2, of_force.ndim))), of_force.shape)
+    of_both = xp.concat([of_force, of_moment], axis=1)
+    a, b = np.array(AXES, np.int32).T
+    return times(times(of_both, cell), of_both.swapaxes(0, 1))[a, b]
 
 
 def weighted_sums(
@@ -208,13 +206,22 @@ def weighted_sums(
 def noise_of_right_side(
     covariance: Float[Array, "21 *#trials"], normal: Float[Array, "6 *#trials"]
 ) -> Float[Array, "6 *#trials"]:
-    """Return a draw of what the load cell's noise adds to the right side, from six standard normal numbers."""
-    root, _ = triangular_root(symmetric(covariance))
-    return jnp.stack([sum(root[i, k] * normal[k] for k in range(i + 1)) for i in range(6)])
+    """Return a draw of what the load cell's noise adds to the right side, from six standard normal numbers.
+
+    Cholesky's root, column by column, each times its number: without the column's outer product the covariance of the
+    rows below is left. A column whose pivot is not positive is zero, so that a singular covariance has its root.
+    """
+    rest, drawn = symmetric(covariance), jnp.zeros((), covariance.dtype)
+    for k, number in enumerate(normal):
+        positive = rest[0, 0] > 0
+        # a safe denominator: the branch that is not taken must have no NaN in its derivative
+        scale = jnp.where(positive, jax.lax.rsqrt(jnp.where(positive, rest[0, 0], 1.0)), 0.0)
+        column = rest[:, 0] * scale[None]
+        drawn = drawn + jnp.pad(column * number[None], [(k, 0), *[(0, 0)] * number.ndim])
+        rest = rest[1:, 1:] - column[1:, None] * column[None, 1:]
+    return drawn
 
 
 def symmetric(lower: Float[ArrayT, "21 *#trials"]) -> Float[ArrayT, "6 6 *#trials"]:
     """Return the matrix with this lower triangle, row by row."""
-    place = {(i, j): k for k, (i, j) in enumerate(LOWER6.tolist())}
-    xp = library_of(lower)
-    return xp.stack([xp.stack([lower[place[max(i, j), min(i, j)]] for j in range(6)]) for i in range(6)])
+    return lower[PLACE6]

@@ -74,7 +74,7 @@ def test_noise_of_the_right_side_has_the_covariance_of_independent_samples(run, 
     cell = np.random.default_rng(33).normal(size=(6, 6))
     cell = cell @ cell.T
     by_axes = sums_by_axes(jnp.asarray((phi @ phi.T)[OF_OMEGA_R, OF_OMEGA_R])[..., None])
-    covariance = weighted_sums(by_axes, jnp.asarray(cell), jnp.asarray(r))
+    covariance = weighted_sums(by_axes, jnp.asarray(cell)[..., None], jnp.asarray(r))
     columns = [noise_of_right_side(covariance, jnp.broadcast_to(unit[:, None], (6, TRIALS))) for unit in jnp.eye(6)]
     for k in range(TRIALS):
         r1, r2, r3 = r[:, k]
