@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from tests.helpers import checked_calls  # noqa: F401  before what it checks is imported
+from tests.helpers import checked_calls  # before what it checks is imported
 from tests.helpers.driven_browser import WANTING
 from uq.files.compilation_cache import keep_compiled
 
@@ -55,6 +55,7 @@ def used():
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Append a line for each test to the file that INERTIA_TEST_USAGE names: user time, memory so far, worker, test."""
+    checked_calls.Checks.test += 1
     if (usage := os.environ.get("INERTIA_TEST_USAGE")) is None:
         return (yield)
     before, *_ = used()
