@@ -74,6 +74,7 @@ def test_the_centres_error_has_the_size_of_table_1(short):
     np.testing.assert_allclose(1e3 * np.std(drawn, axis=0), [0.15, 0.13, 0.16], rtol=0.08)
 
 
+@pytest.mark.slow
 def test_a_perfect_rig_returns_the_truth_of_the_smoother(short):
     found = emulated_tables(quiet(short), runs=2, trajectories=("T1",), imperfections=PERFECT)
     assert np.abs(found.errors["T1"]).max() < 3e-4 * short.inertia.max()

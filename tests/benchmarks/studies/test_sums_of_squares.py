@@ -24,6 +24,7 @@ def bound(solved):
     return programme.certified(unknowns)
 
 
+@pytest.mark.slow
 def test_the_identity_holds_at_random_points(generator, solved):
     """``ρ - z₁² - LV`` is not negative wherever Bernstein's inequalities hold, LV taken anew from V's gradient."""
     programme, unknowns = solved

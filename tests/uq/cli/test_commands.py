@@ -186,6 +186,7 @@ def test_a_read_only_folder_is_refused(tmp_path, experiment, capsys):
     assert "locked" in refused(capsys, "montecarlo", experiment, "--trials", 2, "--out", folder)
 
 
+@pytest.mark.slow
 def test_simulate_then_identify(tmp_path, experiment, run, capsys):
     out = tmp_path / "out"
     assert main(["identify", str(run), "--experiment", str(experiment), "--out", str(out)]) == 0

@@ -31,6 +31,7 @@ def arguments(experiment, *more):
     return ["montecarlo", str(experiment), "--trajectory", "T3", "--estimator", "central", *map(str, more)]
 
 
+@pytest.mark.slow
 def test_an_adaptive_run_states_what_it_reached(experiment, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(arguments(experiment, "--adaptive", "--tolerance", "100 g*m^2", "--out", out)) == 0
@@ -66,6 +67,7 @@ def test_a_checkpoint_folder_with_another_file_is_refused_before_any_work(name, 
     assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == ["model.pt"]
 
 
+@pytest.mark.slow
 def test_the_law_joins_the_report(experiment, tmp_path, capsys, monkeypatch):
     """Said once, in its report beside the campaign's results; a report without it has no script."""
     monkeypatch.setenv("COLUMNS", "300")  # in a narrow terminal a wide table is several

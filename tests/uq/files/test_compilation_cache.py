@@ -82,6 +82,7 @@ def test_a_law_of_other_numbers_compiles_nothing(brief, compilations):
     assert spread[0] < first.three_sigma[0] < spread[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
 def test_a_campaign_of_other_numbers_compiles_nothing(brief, compilations, engine):
     options = {"trials": TRIALS, "plan": SamplingPlan(engine=engine)}

@@ -38,7 +38,11 @@ def browser(request, tmp_path, certificate, brief):
 
 
 @needs_chromium
-@pytest.mark.parametrize("browser", ["certificate", "campaign", "paper", "law"], indirect=True)
+@pytest.mark.parametrize(
+    "browser",
+    ["certificate", "campaign", *(pytest.param(name, marks=pytest.mark.slow) for name in ("paper", "law"))],
+    indirect=True,
+)
 @needs_axe
 def test_axe_core_objects_to_nothing(browser):
     assert browser.violations_on_screens() == {}

@@ -89,7 +89,9 @@ def first_page(browser, html, folder, paper):
 
 @needs_chromium
 @needs_poppler
-@pytest.mark.parametrize("made", [clean, contradicted, posed_and_repeated])
+@pytest.mark.parametrize(
+    "made", [posed_and_repeated, *(pytest.param(made, marks=pytest.mark.slow) for made in (clean, contradicted))]
+)
 def test_verdict_tensor_and_signature_stand_on_the_first_page(made, runs, tmp_path):
     certificate = Certificate(made(runs))
     html = report(certificate)

@@ -267,6 +267,7 @@ def test_swaps_are_the_mean_over_all_pairs(generator):
     np.testing.assert_allclose(effects[:3], products, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_neither_order_nor_an_idle_input_nor_the_mean_changes_an_index():
     straight = sobol(g_function, UNIT, trials=50)
     turned = sobol(g_function, dict(reversed(UNIT.items())), trials=50)
@@ -368,6 +369,7 @@ def test_standard_errors_cover_the_closed_form_in_90_to_99_per_cent(name, way, p
         assert ((coverage >= 0.90) & (coverage <= 0.99)).all(), (kind, coverage)
 
 
+@pytest.mark.slow
 def test_quasi_random_trials_know_more():
     """Of ten repeats of 2,048 trials the mean square error of all first orders is less than half that of random ones."""
     model, inputs, _, closed = CLOSED["g"]

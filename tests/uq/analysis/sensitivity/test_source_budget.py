@@ -181,6 +181,7 @@ def test_an_interaction_is_shared_in_halves(generator):
     assert abs(share[0] - 25 / 39) <= 4 * share[1]
 
 
+@pytest.mark.slow
 def test_what_two_noises_make_together_is_the_same_by_both_engines(brief):
     """The gyro's noise stands in the regressor, which multiplies that of the moment: a share that neither has alone."""
     noises = only(brief, "M_precision", "omega_precision")
@@ -253,17 +254,17 @@ def test_the_bias_share_has_an_honest_standard_error(bias, generator):
 
 
 @pytest.mark.parametrize("engine", ["sums", pytest.param("samples", marks=pytest.mark.study)])
-def test_choices_are_the_campaigns_own_trials(brief, engine):
+def test_choices_are_the_campaigns_own_trials(brief, linear, engine):
     """One from its twin and the others from their first draws are the campaign's total with that source renamed."""
-    some = only(brief, "M_precision", "M_bias", "omega_bias")
+    some = only(brief, *LINEAR)
     given = {"trials": 3, "trajectories": "T1", "estimators": "central", "plan": SamplingPlan(engine=engine)}
-    twins, errors = run(some, 3, engine)
-    assert [c.name for c in twins.cases[:4]] == ["none", "alone:load_cell", "alone:imu", "alone:M_precision"]
-    twin = twins.doubled[3]
-    assert (twin.name, twin.target) == ("M_precision′", "M")
+    twins, errors = linear if engine == "sums" else run(some, 3, engine)
+    assert [c.name for c in twins.cases[:4]] == ["none", "alone:load_cell", "alone:cg", "alone:F_precision"]
+    twin = twins.doubled[len(LINEAR)]
+    assert (twin.name, twin.target) == ("F_precision′", "F")
     renamed = dataclasses.replace(some, sources=(twin, *some.sources[1:]))
     other = montecarlo(renamed, **given).errors["T1"][:, 0, 0]
-    np.testing.assert_allclose(errors[:, -8 + 0b110], other, atol=1e-13)
+    np.testing.assert_allclose(errors[:3, -32 + 0b11110], other, atol=1e-13)
 
 
 @pytest.mark.slow

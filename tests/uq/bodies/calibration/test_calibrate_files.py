@@ -187,6 +187,7 @@ def test_another_serial_number_is_refused(rig, other, monkeypatch):
         identify_files([path], experiment)
 
 
+@pytest.mark.slow
 def test_the_command(rig, tmp_path, capsys, monkeypatch):
     _, body, paths, *_ = rig
     monkeypatch.chdir(tmp_path)

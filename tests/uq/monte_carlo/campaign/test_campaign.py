@@ -62,7 +62,7 @@ def test_without_errors_analytic_alpha_gives_the_exact_tensor(preset, name):
     np.testing.assert_allclose(estimate.inertia, preset.inertia, atol=1e-9 * preset.inertia.max())
 
 
-@pytest.mark.parametrize("name", ["T1", "T4"])
+@pytest.mark.parametrize("name", [pytest.param("T1", marks=pytest.mark.slow), "T4"])
 def test_without_errors_each_differentiator_errs_as_its_gain_predicts(preset, name):
     """A gain g at the motion's frequency scales alpha, so every moment comes out as I/g."""
     error = errors(only(preset), 1, name=name, estimators=BOTH)[0, :, 0]
@@ -189,7 +189,10 @@ def test_a_simulated_run_is_identified_as_its_trial_was(brief, estimator):
 
 @pytest.mark.parametrize(
     ("engine", "dtype", "tolerance"),
-    [("samples", "float64", 1e-12), pytest.param("samples", "float32", 1e-5, marks=pytest.mark.study)],
+    [
+        pytest.param("samples", "float64", 1e-12, marks=pytest.mark.slow),
+        pytest.param("samples", "float32", 1e-5, marks=pytest.mark.study),
+    ],
 )
 def test_numbers_do_not_depend_on_batch_or_devices(brief, dtype, tolerance, engine):
     """Trials on sums: ``trials/test_sums_engine.py``."""
@@ -295,6 +298,7 @@ def test_without_float64_it_warns_and_still_answers(brief):
     assert (np.abs(np.log(ratio)) < np.log(2)).all()  # 20 trials each: standard error 0.23 of the logarithm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [*(pytest.param(s, marks=pytest.mark.study) for s in (2.5, 3.0)), 3.0025])
 def test_any_number_of_samples(brief, seconds):
     """Fewer than a block, one block, one sample more; on two devices, an odd number of trials. A run is identified as its

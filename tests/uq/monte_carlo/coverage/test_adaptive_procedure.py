@@ -96,6 +96,7 @@ def test_draws_depend_on_the_input_alone():
     np.testing.assert_array_equal(one.draws, two.draws)
 
 
+@pytest.mark.slow
 def test_blocks_of_quasi_random_trials_need_fewer_and_keep_their_promise():
     """A product of a normal and a rectangular input, u = 0.2944 by hand: two digits stable on 60 % of the trials, and
     mean and standard uncertainty within the tolerance that the procedure promises with 95 %, in each of five runs."""

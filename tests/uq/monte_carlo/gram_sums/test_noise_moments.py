@@ -48,6 +48,7 @@ def derivatives(signals):
 SIZE = np.array([[0.09, 0.02, 0.0], [0.02, 0.04, 0.0], [0.0, 0.0, 0.16]])
 
 
+@pytest.mark.slow
 def test_white_noise_with_correlated_axes(signals, derivatives):
     """Isserlis: ``J K Jᵀ + ½ tr(H K H K)``, K the covariance of all samples; exact up to the second order."""
     first, second = map(np.asarray, derivatives)

@@ -54,7 +54,7 @@ def engines_draws(setup):
     return {name: value[None] for name, value in constants.items()} | {name: value.T for name, value in noise.items()}
 
 
-@pytest.mark.parametrize(("name", "names"), [("samples", None), ("sums", CONSTANT)])
+@pytest.mark.parametrize(("name", "names"), [("samples", None), pytest.param("sums", CONSTANT, marks=pytest.mark.slow)])
 def test_fed_with_an_engines_draws_the_estimates_are_its_own(reference, truth, brief, name, names):
     """All cases of a trial; another arithmetic (QR of 9,300 rows against sums) differs by rounding alone.
 

@@ -46,6 +46,7 @@ def test_numbers_do_not_depend_on_batch_or_devices(brief, of_t1):
     np.testing.assert_allclose(on_both, on_first[:7], atol=1e-12 * brief.inertia.max())
 
 
+@pytest.mark.slow
 def test_a_quasi_random_trial_depends_on_seed_and_number_alone(brief, of_t1):
     few, more = (of_t1(trials=trials, plan=QUASI_RANDOM) for trials in (1100, 1600))
     np.testing.assert_allclose(few.errors["T1"], more.errors["T1"][:1100], atol=1e-12 * brief.inertia.max())

@@ -41,6 +41,7 @@ def arm(experiment):
     return Arm.of(experiment)
 
 
+@pytest.mark.slow
 def test_wrench_and_efforts_are_mujocos(experiment, arm, generator):
     """MuJoCo reads the URDF itself; its sensors at Q and its inverse dynamics know nothing of ours."""
     rated = {"bandwidth": "3 Hz", "cell_force": ["100 N"] * 3, "cell_moment": ["100 N*m"] * 3}
@@ -85,7 +86,7 @@ def nearest_points(first, second):
     return clarabel.DefaultSolver(*problem).solve().obj_val
 
 
-@pytest.mark.parametrize("shape", ["", '<box size="0.1 0.11 0.45"/>'])
+@pytest.mark.parametrize("shape", ['<box size="0.1 0.11 0.45"/>', pytest.param("", marks=pytest.mark.slow)])
 def test_the_distances_are_those_of_cone_programmes(experiment, tmp_path, shape, generator):
     """MuJoCo's stop within some micrometres."""
     text = (EXPERIMENTS / "arm.urdf").read_text()

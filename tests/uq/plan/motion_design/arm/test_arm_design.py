@@ -164,6 +164,7 @@ def test_the_promise_is_that_of_the_simulated_samples(design, report):
     np.testing.assert_allclose(np.diag(at_q)[0], design.designed.covariance[0, 0], rtol=0.05)  # tracking error
 
 
+@pytest.mark.slow
 def test_undeclared_errors_of_the_load_cell_move_the_least_squares_of_the_same_samples(design):
     """Each of the 36 elements of its matrix alone, at the typical figures of docs/how-to/identify.md."""
     motion = design.limits.tool(design.designed.series.sampled(np.linspace(0, 8, 801)))
@@ -317,6 +318,7 @@ def test_without_mujoco_its_name_is_told(design, monkeypatch):
         arm_report(design)
 
 
+@pytest.mark.slow
 def test_the_largest_size_is_near_the_full_one_where_some_smaller_ones_bring_links_too_near(design, monkeypatch):
     sizes = []
 

@@ -63,7 +63,7 @@ def test_a_wrong_cg_moves_by_its_own_error_turned(preset):
     assert 1e-6 < moved <= np.linalg.norm(error) * furthest * 1.001
 
 
-@pytest.mark.parametrize("name", ["T1", *(pytest.param(name, marks=pytest.mark.study) for name in ("T2", "T3")), "T4"])
+@pytest.mark.parametrize("name", ["T1", *(pytest.param(name, marks=pytest.mark.slow) for name in ("T2", "T3", "T4"))])
 def test_speeds_and_accelerations_are_those_of_the_lengths(preset, name):
     platform = named("assumed-source-size")
     motion = motion_of(preset, name, platform, rate=8000.0, part=(20.0, 29.0))
@@ -150,6 +150,7 @@ def test_amplitudes_come_back(preset, tmp_path, multisine):
         np.testing.assert_array_equal(getattr(spec.trajectory, name), getattr(multisine, name))
 
 
+@pytest.mark.slow
 def test_a_moving_cg_passes_through_the_campaign(preset, tmp_path, multisine):
     """Without errors the estimate is the truth, though the centre of gravity moves."""
     from uq import montecarlo

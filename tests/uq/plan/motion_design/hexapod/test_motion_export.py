@@ -129,6 +129,7 @@ def test_the_sidecar_names_every_file_and_its_hash(exported):
     assert "Rz(yaw) Ry(pitch) Rx(roll)" in about["rotation"]
 
 
+@pytest.mark.slow
 def test_half_the_speed_takes_the_same_poses_in_twice_the_time(experiment, exported):
     slow = export_motion(experiment, experiment.trajectories["T1"], speed=0.5, name="rehearsal")
     full, half = table(exported.contents["motion.csv"]), table(slow.contents["rehearsal.csv"])

@@ -69,6 +69,7 @@ def test_stages_that_cannot_be(preset, tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_exports_hold_all_stages(preset, tmp_path, staged):
     """The reader's own check, and a smaller rehearsal of it."""
     experiment = written(preset, tmp_path, multisine_csv(staged))
@@ -183,6 +184,7 @@ def test_instants_stand_for_the_whole_run(platform, stages, generator):
     np.testing.assert_allclose(ours, theirs, atol=2e-2 * np.trace(theirs))
 
 
+@pytest.mark.slow
 def test_weights_are_repeated_instants(preset, stages, platform, generator):
     """A weight of two is the same instant twice, in the prediction with all sources."""
     from uq.analysis.propagation.prediction import Prediction
