@@ -24,7 +24,7 @@ from mcap.records import Statistics
 from mcap.writer import Writer
 
 from rig.atomic_files import check_output, replacing
-from rig.exceptions import RigError
+from rig.exceptions import RigError, counted
 from rig.mcap.records import (
     KNOWN,
     MAGIC,
@@ -83,8 +83,9 @@ class Recovery:
         else:
             lost = "the number of lost messages is unknown"
         what = "at its end belong to no whole chunk: the file is cut" if self.cut else "are damaged"
-        damaged = f", {self.lost_bytes} bytes {what}" if self.lost_bytes else ""
-        return "; ".join([f"saved {self.messages} messages in {self.chunks} chunks, {lost}{damaged}", *self.notes])
+        damaged = f", {counted(self.lost_bytes, 'byte')} {what}" if self.lost_bytes else ""
+        saved = f"saved {counted(self.messages, 'message')} in {counted(self.chunks, 'chunk')}"
+        return "; ".join([f"{saved}, {lost}{damaged}", *self.notes])
 
 
 @dataclass

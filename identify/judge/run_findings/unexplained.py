@@ -65,7 +65,7 @@ class InBandResidual(Finding):
             "the motion: no known cause fits"
         )
 
-    cure = "liquid or something loose inside? the interval is wider by as much"
+    cure = "look for a liquid, a loose part or a cable that moves; the interval is wider by as much"
 
 
 class FollowsNoCause(Finding):
