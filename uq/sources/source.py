@@ -14,14 +14,13 @@ from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 
 from identify.display.rounding import significant
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draw_figures import DrawFigures, figures, part_of
-from uq.sources.noise_filters import NoisePart
-from uq.sources.random_normals import Index
+from uq.sources.noise_filters import WHITE, NoisePart
 
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
 """Units of the measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
@@ -115,6 +114,19 @@ class Source(Pytree):
         """The field of :class:`uq.sources.constant_errors.Errors` that its draw sets."""
         return self.error_kind.perturbs.get(self.target)
 
+    def noise_parts(self, rate: float) -> list[NoisePart] | None:
+        """Return the white noises behind filters that it is or acts as, at a rate [Hz]; None: none is stated."""
+        parts = self.error_kind.noise_parts(self, rate)
+        sized = (NoisePart(part.filter, np.asarray(part.sigma), part.stream) for part in parts or ())
+        return None if parts is None else [part for part in sized if part.filter == WHITE or np.any(part.sigma)]
+
+    def white_variance(self, rate: float) -> Float[np.ndarray, "3"] | None:
+        """Return the variance of the white ones among its :meth:`noise_parts`; None: no noise is stated."""
+        parts = self.noise_parts(rate)
+        if parts is None or self.white:
+            return None if parts is None else self.variance
+        return sum((np.square(part.sigma) for part in parts if part.filter == WHITE), np.zeros(3))
+
     @property
     def signal(self) -> int | None:
         """Index in :data:`SIGNALS` of the signal that errs; None: the rig, the body or the load cell does."""
@@ -126,39 +138,34 @@ class Source(Pytree):
         return self.signal == SIGNAL_NUMBERS["omega"]
 
 
-class SignalRange(NamedTuple):
-    """Range of the signal that a source acts on, axis by axis, by which a kind decides whether the law covers it."""
-
-    largest: Float[np.ndarray, "3"]
-    """Largest absolute value of the noise-free signal."""
-    moves: Float[np.ndarray, "3"]
-    """Root mean square of the signal's change from one sample to the next."""
-    variance: Float[np.ndarray, "3"]
-    """Variance of the signal's noise and biases together."""
-    correlated: bool
-    """Whether the source's draws are correlated, among one another or with those of other sources."""
-    rests: Float[np.ndarray, "3"]
-    """Part of the run in which the noise-free signal does not change."""
-    noise: Float[np.ndarray, "cases 3"]
-    """Standard deviation of the normal white noise beside the source, in each case that has a random error of its
-    signal."""
-
+BIASES = ("cell_bias", "gyro_bias")
+"""Fields of :class:`uq.sources.constant_errors.Errors` that add the same to every sample of a signal."""
 
 MANY_SIGMA = 6.0
 """Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
 
 
-class SumsConditions(NamedTuple):
-    """Run and other sources of a case, by which a kind decides whether sums over samples tell its effect."""
+class SignalRange(NamedTuple):
+    """Range of the signal that a source acts on, axis by axis [SI]: by it a kind says what sums and law can take."""
 
-    other_noise: Float[np.ndarray, "3"]
-    """Standard deviation of other sources' independent, normal, white noise on the signal, axis by axis [SI]."""
-    others_of_kind: int
-    """Number of other sources of this kind on this signal."""
-    remainder: float
-    """Error of sums interpolated between delays of the gyro, in parts of the delay's effect."""
-    reach: Float[np.ndarray, "3"]
-    """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added [SI]."""
+    largest: Float[np.ndarray, "3"]
+    """Largest absolute value of the noise-free signal."""
+    moves: Float[np.ndarray, "3"]
+    """Root mean square of the signal's change from one sample to the next."""
+    rests: Float[np.ndarray, "3"]
+    """Part of the run in which the noise-free signal does not change."""
+    variance: Float[np.ndarray, "3"]
+    """Variance of the signal's noise and biases together."""
+    noise: Float[np.ndarray, "cases 3"]
+    """Standard deviation of the independent, normal, white noise beside the source: in the case that is asked of, or in
+    each that has a random error of the signal."""
+    alike: int
+    """Number of other sources of this kind on the signal."""
+
+    @property
+    def reach(self) -> Float[np.ndarray, "3"]:
+        """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added."""
+        return self.largest + MANY_SIGMA * np.sqrt(self.variance)
 
 
 EVERY_SAMPLE = "changes every sample"
@@ -194,8 +201,6 @@ class ErrorKind:
     it."""
     in_sums_as: ClassVar[str] = ""
     """Approximation of the error in sums that tell its effect nearly, in words."""
-    averages_out: ClassVar[bool] = False
-    """Whether the error's effect falls with the length of the run, as that of noise does."""
     sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
     perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -213,17 +218,6 @@ class ErrorKind:
     def __setattr__(self, name: str, value: object) -> NoReturn:
         """Refuse an attribute, as a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
-
-    def own_effects(self, target: str) -> frozenset[tuple[str, str]]:
-        """Return what makes :attr:`absence` false on a target: kinds, the field or noise, each with a channel."""
-        noise = ("white noise" if self.white else "noise with a memory") if self.noise else None
-        marks = [self.name, *self.acts_as, self.perturbs.get(target), noise]
-        channels = CHANNELS.get(target, (target,))
-        return frozenset((mark, channel) for mark in marks if mark for channel in channels)
-
-    def effects(self, target: str) -> frozenset[tuple[str, str]]:
-        """Return what a source of the kind does, to be met with :meth:`own_effects` of others: all noise is noise."""
-        return self.own_effects(target) | ({("white noise", target)} if self.noise else frozenset())
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
@@ -261,24 +255,16 @@ class ErrorKind:
         """
         return draw
 
-    def noise_at_rest(self, source: Source, dtype: Any) -> Any:
-        """Return what noise that is not white remembers from block to block, at the run's start: any tree of arrays."""
-        return ()
+    def noise_parts(self, source: Source, rate: Any) -> Sequence[NoisePart] | None:
+        """Return the white noises behind filters that noise consists of, or that a stage acts as; None: of neither.
 
-    def noise_block(
-        self, source: Source, memory: Any, stream: Key[Array, ""], block: Index, rate: Float[Array, ""], dtype: Any
-    ) -> tuple[Float[Array, "3 1200"], Any]:
-        """Return one block of noise that is not white, component first, and what is remembered for the next.
+        All of a kind's noise follows: its draws, its moments in sums, its variance in the law.
 
         Args:
-            source: of this kind.
-            memory: from the block before; from :meth:`noise_at_rest` of the first.
-            stream: key of the source's noise in the trial.
-            block: number of the block.
-            rate: sample rate [Hz].
-            dtype: of the samples.
+            source: of this kind; its figures may be traced.
+            rate: sample rate [Hz], which may be traced.
         """
-        raise NotImplementedError(f"{self.name} draws no samples")
+        return None
 
     def sensed(
         self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
@@ -292,30 +278,12 @@ class ErrorKind:
         """
         return signal
 
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
-        """Return why sums over samples do not tell a source's effect, to follow its name; None: they do."""
+    def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
+        """Return why sums over samples do not tell a source's effect on a signal, to follow its name; None: they do."""
         return None if self.stage is None else EVERY_SAMPLE
-
-    def in_sums(self, source: Source) -> Source:
-        """Return the source that stands for one in sums, where these tell its effect: the same in every case."""
-        return source
-
-    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
-        """Return noise as white noises behind filters, at a sample rate [Hz]: what trials on sums need of it."""
-        raise NotImplementedError(f"{self.name} states no filters of its noise")
-
-    def white_variance(self, source: Source, rate: float) -> Float[np.ndarray, "3"] | None:
-        """Return the variance of the white noise that the law takes it for, at a sample rate [Hz]; None: for none."""
-        return None
-
-    def added_variance(self, source: Source) -> Float[np.ndarray, "3"]:
-        """Return the variance that it adds to its signal itself, whatever the motion."""
-        return np.zeros(3)
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
-        if self.noise and self.white_variance(source, 1.0) is None:
-            return "is noise that is not white"
         return None if self.stage is None else EVERY_SAMPLE
 
 
@@ -347,19 +315,37 @@ def kind_of(target: str, name: str) -> ErrorKind:
 
 
 def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
-    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
+    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect.
+
+    Any noise is noise: noise with a memory ends the assumption of no white noise, but not the other way about.
+    """
+    effects: set[tuple[str, str]] = set()
+    for pair in declared:
+        other, channel = KINDS[pair], pair[0]
+        effects |= _effects(channel, other) | ({("white noise", channel)} if other.noise else set())
+    return bool(_effects(target, kind) & effects)
+
+
+def _effects(target: str, kind: ErrorKind) -> set[tuple[str, str]]:
+    """What an error of a kind does: kinds' names, the field that it sets, or noise, each with a channel."""
+    noise = ("white noise" if kind.white else "noise with a memory") if kind.noise else None
+    marks = [kind.name, *kind.acts_as, kind.perturbs.get(target), noise]
+    return {(mark, channel) for mark in marks if mark for channel in CHANNELS.get(target, (target,))}
 
 
 def signal_variance(sources: Iterable[Source], signal: int | None) -> Float[np.ndarray, "3"]:
-    """Return the variance that sources add to a signal, an index in :data:`SIGNALS`, whatever the motion."""
-    return sum((s.error_kind.added_variance(s) for s in sources if s.signal == signal), np.zeros(3))
+    """Return the variance that white noise and biases add to a signal, an index in :data:`SIGNALS`, in any motion."""
+    added = [
+        s.variance if s.white else np.square(s.error_kind.value(s, np.sqrt(s.variance)))
+        for s in sources
+        if s.signal == signal and (s.white or s.perturbs in BIASES)
+    ]
+    return sum(added, np.zeros(3))
 
 
 def normal_noise_variance(sources: Iterable[Source], rate: float) -> Float[np.ndarray, "3"]:
     """Return the variance of normal white noise that sources of one signal add together, at a sample rate [Hz]."""
-    normal = (s for s in sources if s.noise and isinstance(s.shape, Normal))
-    variances = (s.error_kind.white_variance(s, rate) for s in normal)
+    variances = (s.white_variance(rate) for s in sources if s.noise and isinstance(s.shape, Normal))
     return sum((variance for variance in variances if variance is not None), np.zeros(3))
 
 

@@ -124,7 +124,7 @@ def inputs_of_cases(
         (:func:`uq.analysis.propagation.uncovered_sources.beyond_the_law`).
     """
     check_law(sources, mixing, peaks)
-    white = [(s, variance) for s in sources if (variance := s.error_kind.white_variance(s, rate)) is not None]
+    white = [(s, variance) for s in sources if (variance := s.white_variance(rate)) is not None]
     noisy = [source for source, _ in white]
     sigma = np.sqrt(np.concatenate([np.zeros(0), *(variance for _, variance in white)]))
     signals = np.hstack([np.zeros((9, 0)), *(np.eye(9, 3, -3 * SIGNALS.index(source.target)) for source in noisy)])

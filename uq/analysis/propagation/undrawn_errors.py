@@ -22,7 +22,7 @@ from uq.sources.source import Source, disturbs
 def without_undrawn(case: Case, sources: Sequence[Source]) -> tuple[Case, frozenset[str]]:
     """Return a case without the sources whose errors are the same in each of its trials, and the names of these."""
     acting = [source for source in sources if source.name in case.sources]
-    steps = [s for s in acting if not s.drawn and s.error_kind.white_variance(s, 1.0) is not None]
+    steps = [s for s in acting if not s.drawn and s.white_variance(1.0) is not None]
     same = frozenset(s.name for s in steps if not any(disturbs(other, s) for other in acting))
     return case._replace(sources=case.sources - same), same
 

@@ -13,6 +13,7 @@ Sums have limits: a trial on sums leaves out the noise's third powers, and takes
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -39,9 +40,10 @@ from uq.monte_carlo.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.monte_carlo.trials.sums_engine import quasi_random
 from uq.monte_carlo.trials.sums_setup import TrueRun, gyro_noises, moments_of, prepare_sums, true_run, white_covariance
 from uq.monte_carlo.trials.trial_loop import RUN_ONCE
+from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise
-from uq.sources.source import MANY_SIGMA, ErrorKind, Source, SumsConditions, normal_noise_variance, signal_variance
+from uq.sources.source import EVERY_SAMPLE, SignalRange, Source, normal_noise_variance, signal_variance
 
 EngineName = Literal["sums", "samples"]
 
@@ -161,47 +163,57 @@ def _in_sums(
     run: TrueRun, sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case]
 ) -> tuple[dict[str, Source], dict[str, str]]:
     """Return what stands for each source in sums, by name, and why the other cases need samples, by the case's name."""
-    largest = [np.abs(rows).max(axis=1) for rows in (run.signals[-6:-3], run.signals[-3:], run.signals[:3])]
     standing: dict[str, Source] = {}
     reasons: dict[str, str] = {}
     for case in cases:
         acting = [source for source in sources if source.name in case.sources]
-        if reason := _sources_beyond_sums(acting, mixing, run, largest) or _noise_beyond_sums(acting, mixing):
+        if reason := _sources_beyond_sums(acting, mixing, run) or _noise_beyond_sums(acting, mixing):
             reasons[case.name] = reason
         else:
-            standing |= {source.name: source.error_kind.in_sums(source) for source in acting}
+            standing |= {source.name: _standing(source, run.rate) for source in acting}
     return standing, reasons
 
 
-def _sources_beyond_sums(
-    acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
-) -> str | None:
+def _standing(source: Source, rate: float) -> Source:
+    """What stands for a source in sums: normal white noise where nothing is drawn, but the error acts as noise."""
+    variance = source.white_variance(rate)
+    if source.drawn or variance is None:
+        return source
+    return replace(source, kind="precision", sigma=np.sqrt(variance), shape=Normal(0.0, 1.0), settings={})
+
+
+def _sources_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun) -> str | None:
     """Return why sums do not tell the effect of a source among those of a case: the first one's reason."""
     for source in acting:
-        conditions = _conditions(source, acting, mixing, run, largest)
-        if reason := source.error_kind.beyond_sums(source, conditions):
+        if reason := _source_beyond_sums(source, acting, mixing, run):
             return f"{source.name} {reason}"
     return None
 
 
-def _conditions(
-    source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
-) -> SumsConditions:
+def _source_beyond_sums(source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun) -> str | None:
+    if source.constant and source.perturbs is None:
+        return EVERY_SAMPLE
+    if source.perturbs == "gyro_delay" and run.remainder > LARGEST_REMAINDER:
+        return "is too long for a polynomial"
+    if source.signal is None:
+        return None
     others = [other for other in acting if other.name != source.name and other.signal == source.signal]
     mixed = {name for mix in mixing for name in mix.names}
-    white = np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))
-    same_kind = sum(other.error_kind is source.error_kind for other in others)
-    spread = np.sqrt(signal_variance(others, source.signal))
-    reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
-    return SumsConditions(other_noise=white, others_of_kind=same_kind, remainder=run.remainder, reach=reach)
+    true = run.measured(source.signal)
+    steps = np.diff(true)
+    signal = SignalRange(
+        largest=np.abs(true).max(axis=1), moves=np.sqrt(np.mean(steps**2, axis=1)), rests=np.mean(steps == 0, axis=1),
+        variance=signal_variance(others, source.signal),
+        noise=np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))[None],
+        alike=sum(other.error_kind is source.error_kind for other in others),
+    )  # fmt: skip
+    return source.error_kind.beyond_sums(source, signal)
 
 
 def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
     """Return why the sums' moments do not hold the noise of a case; None: they do."""
     noise = [source for source in acting if source.noise]
     for source in noise:
-        if type(source.error_kind).noise_parts is ErrorKind.noise_parts:
-            return f"noise of the kind {source.kind} states no filters"
         if source.white and source.of_gyro and not np.all(np.isfinite(source.shape.excess_kurtosis)):
             return f"{source.name} has no fourth moment"
     gyro = {source.name for source in noise if source.of_gyro}
@@ -216,6 +228,8 @@ def _first_trial(engine: SamplesEngine) -> Float[Array, "estimators cases 6"]:
     return engine.run(jax.random.key(0), jnp.zeros(1, int))[0]
 
 
+LARGEST_REMAINDER = 1e-4
+"""Largest error of sums that are interpolated between delays, in parts of the delay's largest effect."""
 LARGEST_NOISE = 0.04
 """Root mean square of the gyro's noise over that of the motion, up to which the noise's third powers count for nothing:
 at 0.12 they change 3σ by 8 %, and their effect goes with its square."""

@@ -59,6 +59,10 @@ class TrueRun(NamedTuple):
     remainder: float
     """Error of the sums that are interpolated, in parts of the delay's largest effect."""
 
+    def measured(self, signal: int) -> Float[np.ndarray, "3 n"]:
+        """Return what a sensor without errors reads, by its index in :data:`uq.sources.source.SIGNALS`."""
+        return self.signals[[slice(-6, -3), slice(-3, None), slice(3)][signal]]
+
 
 def true_run(setting: TrialSetting) -> TrueRun:
     """Sum over a noise-free run, at as many delays of the gyro as the sources need."""
@@ -180,8 +184,8 @@ def _gyro_streams(
 def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNoise:
     """Return a source's noise of omega; its axes may be correlated."""
     correlation = next((np.asarray(m.correlation) for m in mixing if m.names == (source.name,)), np.eye(3))
-    parts = source.error_kind.noise_parts(source, rate)
-    sigma = parts[0].sigma if source.white else np.zeros(3)
+    parts = source.noise_parts(rate) or []
+    sigma = np.sqrt(source.variance) if source.white else np.zeros(3)
     return GyroNoise(
         {part.filter: np.outer(part.sigma, part.sigma) * correlation for part in parts},
         np.asarray(source.shape.skewness) * sigma**3, np.asarray(source.shape.excess_kurtosis) * sigma**4,
@@ -222,7 +226,7 @@ def _cell_streams(
         acting = [source for source in noise.values() if source.name in names & case.sources]
         white[k, :, :, stream] = white_covariance([s for s in acting if s.white], mixing)
         for source in (s for s in acting if not s.white):
-            for part in source.error_kind.noise_parts(source, run.rate):
+            for part in source.noise_parts(run.rate) or []:
                 channels = CELL_CHANNELS[source.target] + np.arange(3)
                 size = white if part.filter == WHITE else driving.setdefault(part.filter, nothing.copy())
                 size[k, channels, channels, stream] += part.sigma**2
