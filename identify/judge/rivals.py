@@ -12,7 +12,7 @@ from jaxtyping import Float
 from identify.display.rounding import significant
 from identify.errors.body.mass import MASS
 from identify.errors.error_model import ErrorModel
-from identify.errors.imu.rotation import ROTATION
+from identify.errors.imu.imu_axes import IMU_AXES
 from identify.errors.load_cell.gain import GAIN
 from identify.errors.load_cell.load_cell_axes import LOAD_CELL_AXES
 from identify.errors.written_sizes import ROUNDING
@@ -54,7 +54,7 @@ def rivals(evidence: Evidence, run: PredictedWrench) -> list[Rival]:
     return [] if make is None else make(evidence.values, run)
 
 
-def _of_rotation(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
+def _of_imu_axes(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """The load cell turned against the body, in place of the IMU."""
     turned = ErrorColumns(run).columns(LOAD_CELL_AXES) @ -turn
     return [Rival("a rotation of the load cell", "correct wrench_rotation_to_body", turned)]
@@ -90,7 +90,7 @@ def _beside(kg: float, run: PredictedWrench) -> Rival:
 
 
 MADE: dict[ErrorModel, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
-    ROTATION: _of_rotation,
+    IMU_AXES: _of_imu_axes,
     MASS: _of_mass,
 }
 """Functions that make the rivals of a cause, by its coefficients in SI."""
