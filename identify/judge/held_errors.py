@@ -166,6 +166,6 @@ def departing_declarations(
 
 
 def farthest(declarations: Iterable[Declaration]) -> tuple[Declaration, ...]:
-    """Return of each quantity the record that is farthest from what was declared, if it is far."""
+    """Return the record of each quantity that is farthest from what was declared, if it is far."""
     ordered = sorted(declarations, key=lambda record: record.distance)
     return tuple({record.quantity: record for record in ordered if record.distance > FAR}.values())

@@ -152,7 +152,7 @@ def falls(run: Run, result: Identification, problem: Problem) -> bool:
 
 
 def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:
-    """Return the size of what stays of a vector: of its mean in B, or in axes that the gyro keeps, if that is larger.
+    """Return the size of a vector's mean: in B, or in axes that the gyro keeps, whichever is larger.
 
     On a robot arm, which turns the body all ways, gravity has hardly a mean in B.
     """

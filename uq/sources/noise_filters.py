@@ -26,7 +26,7 @@ class NoiseFilter:
     impulse_response: Callable[[np.ndarray], np.ndarray] = field(compare=False, repr=False)
     """Function of the lags 0, 1, … in samples."""
     block: "FilterBlock" = field(compare=False, repr=False)
-    """Its output, block by block."""
+    """Function that makes the output, block by block."""
     at_rest: Callable[[Any], Any] = field(compare=False, repr=False, default=lambda dtype: ())
     """Function of the samples' type that gives what it remembers at the run's start: any tree of arrays."""
 

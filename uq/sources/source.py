@@ -150,10 +150,6 @@ class SignalRange(NamedTuple):
 
     largest: Float[np.ndarray, "3"]
     """Largest absolute value of the noise-free signal."""
-    moves: Float[np.ndarray, "3"]
-    """Root mean square of the signal's change from one sample to the next."""
-    rests: Float[np.ndarray, "3"]
-    """Part of the run in which the noise-free signal does not change."""
     variance: Float[np.ndarray, "3"]
     """Variance of the signal's noise and biases together."""
     noise: Float[np.ndarray, "cases 3"]
@@ -161,6 +157,10 @@ class SignalRange(NamedTuple):
     each that has a random error of the signal."""
     alike: int
     """Number of other sources of this kind on the signal."""
+    moves: Float[np.ndarray, "3"] = np.zeros(3)
+    """Root mean square of the signal's change from one sample to the next, which counts in the law alone."""
+    rests: Float[np.ndarray, "3"] = np.ones(3)
+    """Part of the run in which the noise-free signal does not change, likewise."""
 
     @property
     def reach(self) -> Float[np.ndarray, "3"]:
@@ -327,7 +327,7 @@ def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]
 
 
 def _effects(target: str, kind: ErrorKind) -> set[tuple[str, str]]:
-    """What an error of a kind does: kinds' names, the field that it sets, or noise, each with a channel."""
+    """Effects of a kind: names of kinds, the field that it sets, or noise, each with a channel."""
     noise = ("white noise" if kind.white else "noise with a memory") if kind.noise else None
     marks = [kind.name, *kind.acts_as, kind.perturbs.get(target), noise]
     return {(mark, channel) for mark in marks if mark for channel in CHANNELS.get(target, (target,))}

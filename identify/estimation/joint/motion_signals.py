@@ -213,9 +213,12 @@ class MotionSignals:
         slope = self.attitude_at_nodes @ rate
         step = self.model.rows.step
         outer = np.concatenate([2 * slope[:1] - slope[1:2], slope, 2 * slope[-1:] - slope[-2:-1]])
+        # the integral of the cubic through four nodes, h/24 (-1, 13, 13, -1); at the ends through a node that is
+        # extrapolated
         cells = step / 24 * (13 * (outer[1:-2] + outer[2:-1]) - outer[:-3] - outer[3:])
         integral = np.concatenate([np.zeros_like(slope[:1]), np.cumsum(cells, axis=0)])
         u = (self.since / step)[:, None, None]
+        # Hermite's basis: values and slopes at both ends of a cell
         weights = (2 * u**3 - 3 * u**2 + 1, 3 * u**2 - 2 * u**3, step * (u**3 - 2 * u**2 + u), step * (u**3 - u**2))
         ends = (integral[self.cell], integral[self.cell + 1], slope[self.cell], slope[self.cell + 1])
         turned = sum(weight * end for weight, end in zip(weights, ends, strict=True))

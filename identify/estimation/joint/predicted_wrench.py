@@ -145,6 +145,7 @@ class PredictedWrench:
         s, x = self.signals, self.x
         tensor, by_arm = unpack(x["inertia"]), cross_matrix(self.arm)
         momentum, centripetal = cross_matrices(s.omega @ tensor), cross_matrices(np.cross(s.omega, self.arm))
+        # d(ω × (ω × ρ)) = -([ω]× [ρ]× + [ω × ρ]×) dω, and below d(ω × I ω) = ([ω]× I - [I ω]×) dω
         force, about_q = -x["mass"] * (s.spin @ by_arm + centripetal), cross_matrix(x["r_cg"])
         by_omega = np.concatenate([force, s.spin @ tensor - momentum + about_q @ force], axis=1)
         return by_omega, np.concatenate([-x["mass"] * by_arm, tensor - x["mass"] * about_q @ by_arm])

@@ -101,7 +101,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
 
 
 def _coloured(fit: RunSolution, prior: Prior, model: Model, white: np.ndarray) -> tuple[Transform, NoiseSpectrum]:
-    """Return the transform of rows to whitened lines, and the spectrum of what a solution leaves on them."""
+    """Return the transform of rows to whitened lines, and the spectrum of a solution's residuals on them."""
     lines = Lines.of(unbroken(np.flatnonzero(model.used)), 1 / model.rows.interval)
 
     def transform(rows: np.ndarray) -> np.ndarray:
@@ -191,8 +191,10 @@ def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
+    # trace of the hat matrix: the effective number of unknowns, less than their number where priors hold them
     taken = np.trace(np.linalg.solve(fit.information + np.diag(prior.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
+    # Parseval: mean squares of the lines in the band are the noise's density there
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     level = level + least_noise(model)
     return level if model.specific_force != "still" else np.diag(np.diag(level))
@@ -231,6 +233,7 @@ def _raw_noise(run: Run, model: Model, prior: Prior) -> np.ndarray:
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
     accelerometer = np.maximum(run.white_noise(run.specific_force), 1e-6)
+    # noise a of the accelerometer enters force and moment together, as m a and r × m a: C + L σ² Lᵀ
     lever = float(mean[SLICES["mass"]][0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
@@ -247,7 +250,7 @@ def search_start(model: Model, prior: Prior, setting: Setting) -> np.ndarray:
 
 
 def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
-    """Return the gyro's bias by which gravity turns as the force does.
+    """Return the gyro's bias with which gravity, in the IMU's axes, turns as the force does.
 
     The integral of ``γ' + omega × γ = bias × γ``, γ = F/|F|.
     """
@@ -255,10 +258,12 @@ def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nda
     up = to_imu @ rows.force
     up = (up / np.linalg.norm(up, axis=0)).T
     omega = motion_at_delay(rows, alignment.delay)[0][:3].T
+    # integrated, not differentiated: the force's noise would grow with its derivative
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
     turned = -rows.interval * np.cumsum(cross_matrices(up), axis=0)
     matrix = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 6)
     sigma = np.maximum(np.broadcast_to(alignment.sigma_gyro_bias, 3), 1e-9)
+    # the declared zero as a prior, in units of a direction's noise of 0.01; the constants of integration have none
     ridge = np.diag(np.concatenate([(0.01 / sigma) ** 2, np.zeros(3)]))
     return np.linalg.solve(matrix.T @ matrix + ridge, matrix.T @ (up + integral).ravel())[:3]
 

@@ -84,7 +84,7 @@ class Contributions(NamedTuple):
     rest: np.ndarray
     """Mean error that is no random source's: estimators, components."""
     joint: list[tuple[int, int, np.ndarray]]
-    """Two sources and, by estimator, what both do beyond each alone: with ``s_i s_j`` in the variance, with its square
+    """Two sources and, by estimator, their interaction: with ``s_i s_j`` in the variance, with its square
     there, with ``s_i s_j`` in the mean."""
 
     def by_noise(self) -> tuple[np.ndarray, np.ndarray]:

@@ -128,6 +128,8 @@ def inputs_of_cases(
     noisy = [source for source, _ in white]
     sigma = np.sqrt(np.concatenate([np.zeros(0), *(variance for _, variance in white)]))
     signals = np.hstack([np.zeros((9, 0)), *(np.eye(9, 3, -3 * SIGNALS.index(source.target)) for source in noisy)])
+    # D ρ Dᵀ, D the standard deviations of the sources that act on each signal: independent noises add, correlated ones
+    # cross
     drawn = signals * (sigma * _acting(cases, np.repeat([source.name for source in noisy], 3)))[:, None]
     summed = drawn @ _correlation(noisy, np.full(len(noisy), 3), mixing) @ drawn.swapaxes(1, 2)
     gyro = np.diagonal(summed, axis1=1, axis2=2)[:, 6:]

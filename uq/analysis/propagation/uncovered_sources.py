@@ -78,7 +78,7 @@ def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: P
 
 
 def beyond_the_prediction(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> dict[str, str]:
-    """Return the same of what :mod:`uq.analysis.propagation.prediction` does not take, either."""
+    """Return the sources that :mod:`uq.analysis.propagation.prediction` does not take, each with the reason."""
     entrained = [source.name for source in sources if source.perturbs == "entrained_air"]
     return {
         **beyond_the_law(sources, mixing, peaks),
@@ -114,7 +114,7 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
 
 
 def _noise_beyond_law(source: Source, mixing: Sequence[Mixing]) -> str | None:
-    """What the law cannot take of noise: a memory, and correlations of the gyro's axes."""
+    """Reason for which the law does not take noise: its memory, or correlations of the gyro's axes."""
     parts = source.noise_parts(1.0)
     if parts is None or any(part.filter != WHITE for part in parts):
         return "is noise that is not white"

@@ -1,4 +1,4 @@
-"""Errors of which nothing is drawn, on signals without a random error: the same in every trial.
+"""Errors that are the same in every trial: nothing of them is drawn, and their signals have no random error.
 
 Rounding to a step is one. The law takes it for white noise only where noise, or the motion itself, spreads its signal
 over the steps. A signal that nothing random acts on is rounded in every trial alike: the estimate's error by that is
@@ -31,7 +31,7 @@ def undrawn_errors(
     experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[str], run: PreparedRun,
     sets: Collection[frozenset[str]],
 ) -> Mapping[frozenset[str], Float[np.ndarray, "estimators 6"]]:  # fmt: skip
-    """Return what sets of such sources add to the estimates of a run [kg·m²].
+    """Return the errors of a run's estimates by sets of such sources [kg·m²].
 
     Args:
         experiment: with the sources.

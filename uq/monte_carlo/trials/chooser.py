@@ -49,7 +49,7 @@ EngineName = Literal["sums", "samples"]
 
 
 class CombinedEngine(Engine):
-    """Engines of some cases each, and the estimates of those that are the same in every trial."""
+    """Several engines, each of some cases, and the estimates of cases that are the same in every trial."""
 
     parts: tuple[Engine, ...]
     same: Float[Array, "estimators same 6"]
@@ -58,12 +58,12 @@ class CombinedEngine(Engine):
     """Place of each case among those of the parts, one part after the other, and the same ones last."""
 
     def batch(self, device: jax.Device) -> int:
-        """Return what suits the part that does least at a time."""
+        """Return the smallest batch of the parts."""
         return min((part.batch(device) for part in self.parts), default=1)
 
     @property
     def segment(self) -> int:  # type: ignore[override]
-        """Return that of the slowest part."""
+        """Return the smallest segment of the parts."""
         return min((part.segment for part in self.parts), default=1)
 
     def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
@@ -81,7 +81,7 @@ def engine_of(
     dtype: str = "float64",
     points: tuple[int, int] | None = None,
 ) -> tuple[Engine, dict[str, Any]]:
-    """Return what runs the trials of an experiment on one trajectory, and what a result says of how it was chosen.
+    """Return the engine of an experiment on one trajectory, and how each case is computed.
 
     ``in_sums``: what stands for a source that sums tell only nearly; ``by_samples``: why a case needs samples;
     ``once``: cases that are the same in every trial.
@@ -142,7 +142,7 @@ def _large_noise(
 
 
 def _approximations(sources: Sequence[Source], cases: Sequence[Case]) -> dict[str, str]:
-    """Return what stands in sums for each source that acts in one of these cases, where it does so nearly."""
+    """Return the approximation, in words, of each source of these cases that sums tell only nearly."""
     acting = {name for case in cases for name in case.sources}
     return {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.in_sums_as and s.name in acting}
 
@@ -162,7 +162,7 @@ def _with_sources_of(setting: TrialSetting, cases: Sequence[Case]) -> TrialSetti
 def _in_sums(
     run: TrueRun, sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case]
 ) -> tuple[dict[str, Source], dict[str, str]]:
-    """Return what stands for each source in sums, by name, and why the other cases need samples, by the case's name."""
+    """Return the source that stands for each in sums, by name, and the reason of each case that needs samples."""
     standing: dict[str, Source] = {}
     reasons: dict[str, str] = {}
     for case in cases:
@@ -175,7 +175,7 @@ def _in_sums(
 
 
 def _standing(source: Source, rate: float) -> Source:
-    """What stands for a source in sums: normal white noise where nothing is drawn, but the error acts as noise."""
+    """Source that stands for one in sums: normal white noise where nothing is drawn, but the error acts as noise."""
     variance = source.white_variance(rate)
     if source.drawn or variance is None:
         return source
@@ -199,11 +199,8 @@ def _source_beyond_sums(source: Source, acting: Sequence[Source], mixing: Sequen
         return None
     others = [other for other in acting if other.name != source.name and other.signal == source.signal]
     mixed = {name for mix in mixing for name in mix.names}
-    true = run.measured(source.signal)
-    steps = np.diff(true)
     signal = SignalRange(
-        largest=np.abs(true).max(axis=1), moves=np.sqrt(np.mean(steps**2, axis=1)), rests=np.mean(steps == 0, axis=1),
-        variance=signal_variance(others, source.signal),
+        largest=np.abs(run.measured(source.signal)).max(axis=1), variance=signal_variance(others, source.signal),
         noise=np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))[None],
         alike=sum(other.error_kind is source.error_kind for other in others),
     )  # fmt: skip
@@ -211,7 +208,7 @@ def _source_beyond_sums(source: Source, acting: Sequence[Source], mixing: Sequen
 
 
 def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
-    """Return why the sums' moments do not hold the noise of a case; None: they do."""
+    """Return why the moments of the sums do not cover the noise of a case; None: they do."""
     noise = [source for source in acting if source.noise]
     for source in noise:
         if source.white and source.of_gyro and not np.all(np.isfinite(source.shape.excess_kurtosis)):
@@ -268,7 +265,7 @@ def beyond_sums(
 def predicted_skewness(
     run: TrueRun, moments: RunMoments, noise: GyroNoise, cell: Float[np.ndarray, "6 6"], body: Body, estimator: int
 ) -> Float[np.ndarray, "6"]:
-    """Return about the largest skewness of each component's estimate that the gyro's noise can cause.
+    """Return the approximate largest skewness of each component's estimate that the gyro's noise can cause.
 
     With effects linear (l) and quadratic (q) in it, the third cumulant is ``6 Jᵀ K H K J + 8 tr (H K)³``: of the size
     of ``√8 σ_q (σ_l² + σ_q²) / √n`` for n independent squares. A random walk has few of them. Beside them the load
@@ -287,6 +284,7 @@ def predicted_skewness(
 
     linear, squares, third = variance(by_product, moments.linear_covariance(noise)), np.zeros(6), np.zeros(6)
     for filter_, size in noise.parts.items():
+        # filter by filter: third cumulants of independent terms add
         part = GyroNoise({filter_: size}, noise.third_cumulant, noise.fourth_cumulant)
         quadratic = variance(by_product, moments.covariance(part) - moments.linear_covariance(part))
         independent = run.valid.sum() if filter_ == WHITE else 2.0

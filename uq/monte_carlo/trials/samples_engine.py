@@ -102,6 +102,7 @@ def sampled_trial(
     engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
 ) -> Float[Array, "estimators cases 6"]:
     """Run one trial: its estimates of every case and estimator, from the same draws."""
+    # common random numbers: every case and estimator sees the same draws, so that shares do not scatter by them
     draws = draw_constants(engine.sources, engine.mixing, key, index, jnp.result_type(float))
     errors = errors_of_cases(engine.sources, draws, [case.sources for case in engine.cases])
     draws |= draw_noise(engine, key, index)
