@@ -15,7 +15,6 @@ from identify.rigid_body.rotation import (
     closest_rotation,
     cumulative_product,
     exponential,
-    exponentials,
     rate_of_turn,
     rotation_vectors,
 )
@@ -154,7 +153,7 @@ class MotionSignals:
     def _turns(self, start: Float[np.ndarray, " k"], step: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3 3"]:
         """Rotations over some steps: fourth-order Magnus steps on two Gauss points each."""
         first, second = (self.rate_at(start + (0.5 + sign * GAUSS) * step) for sign in (-1, 1))
-        return exponentials(magnus_turn(first, second, step))
+        return exponential(magnus_turn(first, second, step))
 
     @cached_property
     def attitude_at_nodes(self) -> Float[np.ndarray, "nodes 3 3"]:
