@@ -134,14 +134,12 @@ def draw_pairs(
 
 def noise_at_rest(sources: Sequence[Source], dtype: Any) -> list[Any]:
     """Return what the filters of each source's noise remember at the run's start, for :func:`noise_of_block`."""
-    return [() if s.white else [part.filter.at_rest(dtype) for part in _filtered_parts(s, 1.0)] for s in sources]
+    return [() if s.white else [part.filter.at_rest(dtype) for part in _noise_parts(s, 1.0)] for s in sources]
 
 
-def _filtered_parts(source: Source, rate: Any) -> Sequence[NoisePart]:
-    """The parts of noise that is not white, whose figures may be traced."""
-    if (parts := source.error_kind.noise_parts(source, rate)) is None:
-        raise NotImplementedError(f"Kind {source.kind!r} is noise, and must state it in `noise_parts`.")
-    return parts
+def _noise_parts(source: Source, rate: Any) -> Sequence[NoisePart]:
+    """The parts of noise with a memory, whose figures may be traced."""
+    return source.error_kind.noise_parts(source, rate) or ()
 
 
 def noise_of_block(
@@ -176,7 +174,7 @@ def noise_of_block(
             remembered.append(before)
             continue
         noise, after = jnp.zeros((3, BLOCK), dtype), []
-        for part, state in zip(_filtered_parts(source, rate), before, strict=True):
+        for part, state in zip(_noise_parts(source, rate), before, strict=True):
             driving = partial(_white, jax.random.fold_in(stream, part.stream), block)
             samples, state = part.filter.block(driving, state, dtype)
             noise = noise + jnp.asarray(part.sigma).astype(dtype)[:, None] * samples.astype(dtype)

@@ -209,9 +209,15 @@ class ErrorKind:
     """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
 
     def __init_subclass__(cls) -> None:
-        """Freeze the kind's tables and register it on each of its targets."""
+        """Freeze the kind's tables and register it on each of its targets.
+
+        Raises:
+            TypeError: it is noise that does not say which.
+        """
         for table in ("targets", "perturbs", "sizes"):
             setattr(cls, table, MappingProxyType(dict(getattr(cls, table))))
+        if cls.noise and cls.noise_parts is ErrorKind.noise_parts:
+            raise TypeError(f"{cls.__name__} is noise: define `noise_parts`")
         if cls.name:
             KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
 

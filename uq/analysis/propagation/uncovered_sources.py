@@ -115,8 +115,7 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
 
 def _noise_beyond_law(source: Source, mixing: Sequence[Mixing]) -> str | None:
     """Reason for which the law does not take noise: its memory, or correlations of the gyro's axes."""
-    parts = source.noise_parts(1.0)
-    if parts is None or any(part.filter != WHITE for part in parts):
+    if any(part.filter != WHITE for part in source.noise_parts(1.0) or ()):
         return "is noise that is not white"
     correlations = [mix.correlation for mix in mixing if source.of_gyro and source.name in mix.names]
     correlated = any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations)
