@@ -279,7 +279,7 @@ def evidence(
     )
     spread = (products(scores, scores) + basis.T @ by_prior @ basis) / np.outer(values[good], values[good])
     weight, count = moving_average(taken, base.width), len(along)
-    # Kish's effective number: so many equal squares would scatter as these weighted ones
+    # Kish's effective number, (Σ w)²/Σ w²: so many equal squares would scatter as these weighted ones
     shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
     mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     # Hotelling's T²: the spread is itself from some residuals, so that F takes the place of chi-squared

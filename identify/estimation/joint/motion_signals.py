@@ -77,6 +77,8 @@ class MotionSignals:
     def slow_basis(self, t: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k terms"]:
         """Return one, time from the middle, and the rates of the Karhunen–Loève terms of a random walk over the run."""
         duration = self.model.rows.duration
+        # a Wiener process over T is Σ ξ_k √(2/T) sin(κ_k t)/κ_k, κ_k = (k + ½) π/T, of independent ξ_k; its first terms
+        # hold most of it
         half_waves = (np.arange(WANDER) + 0.5) * np.pi / duration
         walk = np.sqrt(2 / duration) * np.cos(np.outer(t, half_waves))
         return np.column_stack([np.ones(len(t)), t - duration / 2, walk])
