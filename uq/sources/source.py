@@ -127,6 +127,16 @@ class Source(Pytree):
             return None if parts is None else self.variance
         return sum((np.square(part.sigma) for part in parts if part.filter == WHITE), np.zeros(3))
 
+    def resized(self, factor: float) -> "Source":
+        """Return a source whose error is ``factor`` times as large; its expectation stays.
+
+        The end of a range, of which nothing is drawn and which acts as no noise, is no error's size, and stays, too.
+        """
+        if not self.drawn and self.noise_parts(1.0) is None:
+            return self
+        sizes = {key: np.asarray(factor * self.settings[key]) for key in self.error_kind.sizes if key in self.settings}
+        return replace(self, sigma=np.asarray(factor * self.sigma), settings={**self.settings, **sizes})
+
     @property
     def signal(self) -> int | None:
         """Index in :data:`SIGNALS` of the signal that errs; None: the rig, the body or the load cell does."""
@@ -248,11 +258,6 @@ class ErrorKind:
     def figures(self, target: str) -> DrawFigures:
         """Return how figures of the draw's size are written."""
         return self.written_as(self.targets[target], self.shape)
-
-    def resized(self, source: Source, factor: float) -> Source:
-        """Return a source whose error is ``factor`` times as large; its expectation stays."""
-        sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes if name in source.settings}
-        return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
 
     def value(self, source: Source, draw: Draw) -> Draw:
         """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it.

@@ -20,10 +20,6 @@ class Saturation(ErrorKind):
     sizes = {"limit": "{}"}
     stage = 10
 
-    def resized(self, source: Source, factor: float) -> Source:
-        """Return the source as it is: a range has no error's size."""
-        return source
-
     def sensed(
         self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
     ) -> Float[Array, "3 n"]:

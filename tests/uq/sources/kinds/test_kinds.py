@@ -37,6 +37,15 @@ def test_a_kind_is_complete(target, name):
     assert type(kind).__doc__
 
 
+def test_what_kinds_may_override_several_do():
+    """Else it is that kind's own business: the class that all share says only what a new kind is asked."""
+    kinds = {type(kind) for kind in KINDS.values() if type(kind).__module__.startswith("uq.")}
+    classes = {cls for kind in kinds for cls in kind.__mro__ if issubclass(cls, ErrorKind) and cls is not ErrorKind}
+    methods = [name for name, value in vars(ErrorKind).items() if callable(value) and not name.startswith("__")]
+    overriding = {name: sum(name in vars(cls) for cls in classes) for name in methods}
+    assert not {name for name, count in overriding.items() if count == 1} - {"written_as"}  # a class, as data
+
+
 @pytest.mark.parametrize(("target", "name"), CONSTANT)
 def test_a_constant_sets_one_field_linearly(target, name):
     """Twice the draw is twice the error, in the shape of the field that the kind names."""
@@ -60,10 +69,10 @@ def test_force_and_moment_have_their_own_channels(what):
 def test_half_the_size_is_half_the_figures_that_are_sizes():
     step = Source("s", "F", "quantisation", "g", np.zeros(0), settings={"step": np.ones(3)})
     end = Source("s", "F", "saturation", "g", np.zeros(0), settings={"limit": np.ones(3)})
-    np.testing.assert_array_equal(step.error_kind.resized(step, 0.5).settings["step"], 0.5)
-    np.testing.assert_array_equal(end.error_kind.resized(end, 0.5).settings["limit"], 1)  # half a range errs more
+    np.testing.assert_array_equal(step.resized(0.5).settings["step"], 0.5)
+    np.testing.assert_array_equal(end.resized(0.5).settings["limit"], 1)  # half a range errs more
     air = of_kind("displaced_air", "bias")
-    np.testing.assert_array_equal(air.error_kind.resized(air, 0.5).settings["centre"], [1, 2, 3])
+    np.testing.assert_array_equal(air.resized(0.5).settings["centre"], [1, 2, 3])
 
 
 def test_a_kind_cannot_be_changed_and_an_unknown_one_is_refused():
