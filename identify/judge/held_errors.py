@@ -98,6 +98,7 @@ def pooled_change(
     prior = fits[0].prior
     common = prior.root[indices(shared)].any(axis=0)
     precision = np.diag(np.where(common, 0.0, prior.counted))
+    # Schur complement of each run's own unknowns; then the normal equations of what all share add up
     reduced = [
         eliminated(
             fit.weights @ products(fit.columns, fit.columns) + precision,

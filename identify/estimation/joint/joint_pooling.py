@@ -102,6 +102,7 @@ def pool(runs: Sequence[SolvedRun], shared: Iterable[str], drawn_by_mounting: It
         from_prior=carried @ inverse @ precision @ inverse @ carried.T,
         from_mountings=scatter**2 * np.sum([change.T @ change for change in by_drawn], axis=0),
         scatter=scatter, degrees_of_freedom=freedom,
+        # z follows the prior's mean m by (I + P)⁻¹ P root⁺ m
         by_prior=carried @ inverse @ precision @ np.linalg.pinv(root)[common],
         shared=common, information=total, right=right[:, 0],
     )  # fmt: skip

@@ -197,6 +197,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     variance = run.gyro_noise**2 * alpha_noise_gain(run.run.rate, rows)
     weight = np.linalg.inv(run.noise / rows.factor)
     matrix = _by_alpha(run.model, theta)
+    # Σ_a Var(α_a) (∂A/∂θ)_aᵀ W A_a: derivative and residual hold the same noise
     slope = np.stack([(_by_alpha(run.model, theta + step) - _by_alpha(run.model, theta - step)) / (2 * STEP)
                       for step in STEP * np.eye(len(theta))], axis=-1)  # fmt: skip
     score = float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)

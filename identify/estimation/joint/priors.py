@@ -151,6 +151,7 @@ def linked(
     fixed = np.arange(len(blocks[STATIC].mean))
     for name, parts in both.items():
         for unknown, axis in parts:
+            # truth less prior mean is e for the error and -K e for what was calibrated: Cov = -K Σ, axis by axis
             here, cross = places_in(names, [unknown]), -np.outer(static_effects[name], axis)
             covariance[np.ix_(fixed, here)] += cross
             covariance[np.ix_(here, fixed)] += cross.T
@@ -267,6 +268,7 @@ def run_prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
         where = indices(names)
         mean[where] = block.mean
         spread[np.ix_(where, where)] = root_of(block.covariance)
+    # θ = mean + root z: what is exact has no column, so that it is no unknown of the search either
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = 1.0 - np.isin(free, indices(setting.flat))
     return Prior(mean, spread[:, free], counted)

@@ -87,6 +87,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     try:
         first = solve(model, prior, search_start(model, prior, setting), whitening(noise), tolerance=ROUGH)
         _check(run.name, model, prior, first)
+        # a step of iteratively reweighted least squares: weights from the residuals of the first solution
         noise = residual_noise(first, prior, model)
         transform, spectrum = _coloured(first, prior, model, whitener(noise))
         fit = solve(model, prior, first.z, transform, weights=spectrum.weights)
@@ -118,6 +119,8 @@ def _coloured(fit: RunSolution, prior: Prior, model: Model, white: np.ndarray) -
 def _freedom(fit: RunSolution, prior: Prior, columns: np.ndarray, spectrum: NoiseSpectrum) -> float:
     """Effective degrees of freedom of the tensor's variances by the noise, of which the residuals tell the level."""
     covariance = np.linalg.inv(fit.information + np.diag(prior.counted))
+    # estimates are gainᵀ Xᵀ r: their variance is a sum over lines, whose effective number Satterthwaite's formula
+    # tells
     gain = fit.weights.T @ covariance @ prior.root[SLICES["inertia"]].T
     return float(np.mean(spectrum.degrees_of_freedom(columns, gain)))
 
@@ -156,6 +159,7 @@ def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.n
 def alpha_noise_gain(rate: float, rows: InBand) -> float:
     """Return the variance of a row's alpha over that of a sample of the angular velocity, its noise white [s⁻²]."""
     taps = low_pass(rate, rows.band, rows.factor)
+    # α of decimated rows is the derivative of the low-passed signal: white noise behind the taps' own derivative
     slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
     return float((slope**2).sum())
 
@@ -272,5 +276,6 @@ def start_up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
     """Return the direction opposite to gravity at the first node: the mean of the force, turned back to it."""
     signals = MotionSignals(model, {**unknowns(np.zeros(COUNT)), "gyro_bias": bias})
     attitude = signals.attitude_at_nodes[model.rows.at_rows]
+    # at rest the force is the weight at every sample: turned back to the start, its mean points up
     mean = np.einsum("nij,jn->i", attitude, to_imu @ model.rows.force)
     return mean / np.linalg.norm(mean)

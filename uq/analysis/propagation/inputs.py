@@ -62,6 +62,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
         values = [np.broadcast_to(np.asarray(figure(s), float), np.shape(s.sigma)).ravel() for s in constant]
         return np.concatenate([np.zeros(0), *values])
 
+    # Student's t of scale 1 has the standard deviation √(ν/(ν - 2)), of which the GUM takes the 1
     gum_ratio = lambda s: 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0  # noqa: E731
     owner = np.repeat(np.arange(len(constant)), sizes)
     sets = np.where(of_numbers(_rows) > 0, owner, len(constant) + np.arange(len(owner)))

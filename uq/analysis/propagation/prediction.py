@@ -120,6 +120,7 @@ class Prediction(Pytree):
             jax.vmap(estimate)(jnp.concatenate([jnp.zeros_like(self.expected)[None], there, -there])),
             [1, 1 + len(there)],
         )
+        # steps of one standard deviation: slopes are columns of J root(Σ), and curvatures add up to tr(H Σ)
         slope, curvature = (more - less) / 2, more + less - 2 * value
         return Predicted(value[0] + curvature.sum(axis=0) / 2 - self.body.inertia, noise + slope.T @ slope)
 

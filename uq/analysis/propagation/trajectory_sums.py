@@ -157,6 +157,8 @@ def _elements_by_delay(motion: Motion, by_delay: np.ndarray, taps: Sequence[np.n
     now = at(0.0)
     if not len(by_delay):
         return [now]
+    # f(ω + d) - f(ω - d) and f(ω + d) - 2 f(ω) + f(ω - d): a quadratic's slope and curvature, without an error of
+    # truncation
     (more, less), (later, earlier) = ((at(change), at(-change)) for change in by_delay)
     return [now, (more - less) / 2, (more - 2 * now + less + (later - earlier) / 2) / 2]
 

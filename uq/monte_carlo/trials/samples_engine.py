@@ -108,6 +108,7 @@ def sampled_trial(
     draws |= draw_noise(engine, key, index)
     acting = [[source.name in case.sources for source in engine.sources] for case in engine.cases]
 
+    # case by case, not side by side: one record of all samples at a time stays in a processor's cache
     def of_case(case: tuple[dict[str, Array], Array]) -> Sums:
         moving, acts = case
         numbers = {s.name: acts[k] * draws[s.name] for k, s in enumerate(engine.sources) if s.name in engine.by_act}

@@ -171,6 +171,7 @@ def _gyro_streams(
             both = moments.covariance(GyroNoise.together([noises[a], noises[b]]))
             covariances[a, b] = both - covariances[a,] - covariances[b,]
     acts = np.array([[float(case.sources >= set(names)) for case in cases] for names in covariances])
+    # a root once, for all trials: a trial's fluctuations are a product with standard normal numbers
     roots = np.array([_root_rows(moments, covariance) for covariance in covariances.values()])
     acting = [GyroNoise.together([noises[name] for name in noises if name in case.sources]) for case in cases]
     terms = [[moments.expectation(noise, k) for k in range(len(moments.algebra.gram))] for noise in acting]
@@ -185,6 +186,7 @@ def _gyro_streams(
 
 def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNoise:
     """Return a source's noise of omega; its axes may be correlated."""
+    # σ_i ρ_ij σ_j; only a source's own axes may be correlated, which is checked before
     correlation = next((np.asarray(m.correlation) for m in mixing if m.names == (source.name,)), np.eye(3))
     parts = source.noise_parts(rate) or []
     sigma = np.sqrt(source.variance) if source.white else np.zeros(3)
