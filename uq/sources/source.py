@@ -203,9 +203,10 @@ class ErrorKind:
     acts_as: ClassVar[tuple[str, ...]] = ()
     """Names of other kinds whose assumptions are false, too, with a source of this one."""
     constant: ClassVar[bool] = False
-    """Whether an error of this kind is drawn once an experiment."""
+    """Whether an error of this kind is drawn once an experiment: so it is if it :attr:`perturbs` a field."""
     noise: ClassVar[bool] = False
-    """Whether an error of this kind is drawn anew at each sample."""
+    """Whether an error of this kind is drawn anew at each sample: so it is if :meth:`noise_parts` states noise that is
+    no stage's."""
     white: ClassVar[bool] = False
     """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
     it."""
@@ -219,15 +220,18 @@ class ErrorKind:
     """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
 
     def __init_subclass__(cls) -> None:
-        """Freeze the kind's tables and register it on each of its targets.
+        """Freeze the kind's tables, tell how it is drawn, and register it on each of its targets.
 
         Raises:
             TypeError: it is noise that does not say which.
         """
         for table in ("targets", "perturbs", "sizes"):
             setattr(cls, table, MappingProxyType(dict(getattr(cls, table))))
-        if cls.noise and cls.noise_parts is ErrorKind.noise_parts:
+        states_noise = cls.noise_parts is not ErrorKind.noise_parts
+        if cls.noise and not states_noise:
             raise TypeError(f"{cls.__name__} is noise: define `noise_parts`")
+        cls.constant = cls.constant or bool(cls.perturbs)
+        cls.noise = states_noise and cls.stage is None
         if cls.name:
             KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
 
@@ -306,7 +310,6 @@ class RigConstant(ErrorKind):
     """A constant of rig or body that is not as it is believed: a target that is itself a field of the errors."""
 
     name = "bias"
-    constant = True
 
     def __init_subclass__(cls) -> None:
         """Let each target perturb the field of its name."""

@@ -9,5 +9,4 @@ class Bias(ErrorKind):
     name = "bias"
     targets = SIGNAL_UNITS
     absence = "the offsets of {} are zero"
-    constant = True
     perturbs = {"F": "cell_bias", "M": "cell_bias", "omega": "gyro_bias"}

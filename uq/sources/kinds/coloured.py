@@ -25,7 +25,6 @@ class Coloured(ErrorKind):
     name = "coloured"
     targets = SIGNAL_UNITS
     absence = "the noise of {} has neither flicker nor a random walk"
-    noise = True
     sizes = UNITS
 
     def keys(self, target: str) -> dict[str, Any]:

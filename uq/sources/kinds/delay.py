@@ -14,6 +14,5 @@ class Delay(ErrorKind):
     targets = {"omega": "s"}
     absence = "load cell and gyro have one clock"
     shape = ()
-    constant = True
     in_sums_as = "a polynomial in the delay"
     perturbs = {"omega": "gyro_delay"}

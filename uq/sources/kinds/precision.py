@@ -18,7 +18,6 @@ class Precision(ErrorKind):
     name = "precision"
     targets = SIGNAL_UNITS
     absence = "there is no noise in {}"
-    noise = True
     white = True
 
     def noise_parts(self, source: Source, rate: Any) -> list[NoisePart]:

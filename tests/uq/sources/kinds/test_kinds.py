@@ -94,13 +94,13 @@ def kinds(monkeypatch):
         name, targets, stage = "rattle", {"F": "N"}, 5
 
     class ThermalZero(ErrorKind):
-        name, targets, constant, perturbs = "thermal_zero", {"M": "N*m/K"}, True, {"M": "cell_bias"}
+        name, targets, perturbs = "thermal_zero", {"M": "N*m/K"}, {"M": "cell_bias"}
 
         def value(self, source, draw):
             return 8.0 * draw
 
     class Echo(ErrorKind):
-        name, targets, noise = "echo", {"M": "N*m"}, True
+        name, targets = "echo", {"M": "N*m"}
 
         def noise_parts(self, source, rate):
             return [NoisePart(ECHO, source.settings["size"])]
@@ -118,6 +118,14 @@ ECHO = NoiseFilter("echo", lambda k: 1.0 * (k == 0) + 0.5 * (k == 1), _echoed, l
 def test_a_stage_that_says_nothing_of_the_law_is_refused_by_it(kinds):
     rattle = Source("rattle", "F", "rattle", "g", np.ones(3))
     assert "every sample" in beyond_the_law([rattle], (), ANYWHERE)["rattle"]
+
+
+def test_how_a_kind_is_drawn_follows_from_what_it_does(kinds):
+    """Of a field of the errors once, of noise at each sample, of a stage not at all, though it may act as noise."""
+    drawn = {name: (KINDS[target, name].constant, KINDS[target, name].noise) for target, name in
+             [("M", "thermal_zero"), ("M", "echo"), ("F", "rattle"), ("F", "quantisation")]}  # fmt: skip
+    assert drawn == {"thermal_zero": (True, False), "echo": (False, True), "rattle": (False, False),
+                     "quantisation": (False, False)}  # fmt: skip
 
 
 def test_noise_that_does_not_say_which_is_no_kind():
