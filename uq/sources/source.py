@@ -191,33 +191,6 @@ class ErrorKind:
 
     name: ClassVar[str] = ""
     """Name of the kind, as ``kind`` in ``[[source]]``."""
-    targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
-    shape: ClassVar[tuple[int, ...]] = (3,)
-    """Shape of the draw."""
-    written_as: ClassVar[type[DrawFigures]] = DrawFigures
-    """Form of the draw's figures in ``[[source]]``."""
-
-    absence: ClassVar[str] = ""
-    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
-    acts_as: ClassVar[tuple[str, ...]] = ()
-    """Names of other kinds whose assumptions are false, too, with a source of this one."""
-    constant: ClassVar[bool] = False
-    """Whether an error of this kind is drawn once an experiment: so it is if it :attr:`perturbs` a field."""
-    noise: ClassVar[bool] = False
-    """Whether an error of this kind is drawn anew at each sample: so it is if :meth:`noise_parts` states noise that is
-    no stage's."""
-    white: ClassVar[bool] = False
-    """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
-    it."""
-    in_sums_as: ClassVar[str] = ""
-    """Approximation of the error in sums that tell its effect nearly, in words."""
-    sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
-    perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
-    stage: ClassVar[int | None] = None
-    """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
 
     def __init_subclass__(cls) -> None:
         """Freeze the kind's tables, tell how it is drawn, and register it on each of its targets.
@@ -238,6 +211,17 @@ class ErrorKind:
     def __setattr__(self, name: str, value: object) -> NoReturn:
         """Refuse an attribute, as a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
+
+    # --- what `[[source]]` says of it ---
+
+    targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
+    shape: ClassVar[tuple[int, ...]] = (3,)
+    """Shape of the draw."""
+    written_as: ClassVar[type[DrawFigures]] = DrawFigures
+    """Form of the draw's figures in ``[[source]]``."""
+    sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
@@ -262,6 +246,21 @@ class ErrorKind:
     def figures(self, target: str) -> DrawFigures:
         """Return how figures of the draw's size are written."""
         return self.written_as(self.targets[target], self.shape)
+
+    # --- what it does ---
+
+    perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
+    stage: ClassVar[int | None] = None
+    """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
+    constant: ClassVar[bool] = False
+    """Whether an error of this kind is drawn once an experiment: so it is if it :attr:`perturbs` a field."""
+    noise: ClassVar[bool] = False
+    """Whether an error of this kind is drawn anew at each sample: so it is if :meth:`noise_parts` states noise that is
+    no stage's."""
+    white: ClassVar[bool] = False
+    """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
+    it."""
 
     def value(self, source: Source, draw: Draw) -> Draw:
         """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it.
@@ -293,6 +292,11 @@ class ErrorKind:
         """
         return signal
 
+    # --- what trials on sums and the law can take of it ---
+
+    in_sums_as: ClassVar[str] = ""
+    """Approximation of the error in sums that tell its effect nearly, in words."""
+
     def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
         """Return why sums over samples do not tell a source's effect on a signal, to follow its name; None: they do."""
         return None if self.stage is None else EVERY_SAMPLE
@@ -300,6 +304,13 @@ class ErrorKind:
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
         return None if self.stage is None else EVERY_SAMPLE
+
+    # --- what a result says where there is none ---
+
+    absence: ClassVar[str] = ""
+    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
+    acts_as: ClassVar[tuple[str, ...]] = ()
+    """Names of other kinds whose assumptions are false, too, with a source of this one."""
 
 
 KINDS: dict[tuple[str, str], ErrorKind] = {}
