@@ -15,7 +15,6 @@ class ThermalZero(ErrorKind):
     name = "thermal_zero"
     targets = {"F": "N/K", "M": "N*m/K"}
     absence = "temperature does not shift the zero of {}"
-    constant = True
     perturbs = {"F": "cell_bias", "M": "cell_bias"}
 
     def keys(self, target: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from identify.errors.body.centre_of_gravity import CENTRE_OF_GRAVITY
 from identify.errors.body.mass import MASS
 from identify.errors.body.moving_part import MOVING_PART
 from identify.errors.body.slip import SLIP
-from identify.errors.body.still_missed import STILL_MISSED
+from identify.errors.body.still_point import STILL_POINT
 from identify.errors.error_model import ErrorModel
 from identify.errors.imu.accelerometer_axes import ACCELEROMETER_AXES
 from identify.errors.imu.accelerometer_bias import ACCELEROMETER_BIAS
@@ -21,7 +21,7 @@ from identify.errors.imu.gyro_drift import GYRO_DRIFT
 from identify.errors.imu.gyro_g import GYRO_G
 from identify.errors.imu.gyro_late import GYRO_LATE
 from identify.errors.imu.gyro_scale import GYRO_SCALE
-from identify.errors.imu.rotation import ROTATION
+from identify.errors.imu.imu_axes import IMU_AXES
 from identify.errors.imu.tilt import TILT
 from identify.errors.load_cell.cross_talk import CROSS_TALK
 from identify.errors.load_cell.drift import DRIFT
@@ -43,8 +43,8 @@ ERRORS: Mapping[str, ErrorModel] = {
     error.name: error for error in (
         FORCE_GAIN, FORCE_GAIN_BY_AXIS, MOMENT_GAIN, MOMENT_GAIN_BY_AXIS, GAIN, CROSS_TALK, LOAD_CELL_AXES,
         NONLINEARITY, GAIN_DRIFT, FILTER, ZERO, DRIFT, WARMING, JUMP,
-        GYRO_SCALE, GYRO_AXES, GYRO_BIAS, GYRO_DRIFT, GYRO_G, GYRO_LATE, DELAY, CLOCK, ROTATION, TILT,
-        MASS, CENTRE_OF_GRAVITY, STILL_MISSED, SLIP, MOVING_PART,
+        GYRO_SCALE, GYRO_AXES, GYRO_BIAS, GYRO_DRIFT, GYRO_G, GYRO_LATE, DELAY, CLOCK, IMU_AXES, TILT,
+        MASS, CENTRE_OF_GRAVITY, STILL_POINT, SLIP, MOVING_PART,
         GRAVITY, MOUNTING, CABLE, AIR, WEIGHT,
         ACCELEROMETER_SCALE, ACCELEROMETER_AXES, ACCELEROMETER_PLACE, ACCELEROMETER_DELAY, ACCELEROMETER_BIAS,
     )

@@ -9,11 +9,11 @@ from jaxtyping import Float
 from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
 from identify.estimation.joint.error_columns import ErrorColumns
-from identify.judge.evidence import Base, Evidence, evidence
+from identify.judge.evidence import Evidence, NullModel, evidence
 from identify.judge.run_fit import RunFit
 from identify.results.declaration import ResidualCause
 
-Made = tuple[np.ndarray, np.ndarray]
+CauseColumns = tuple[np.ndarray, np.ndarray]
 """Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
 
 
@@ -74,7 +74,7 @@ class PossibleCause(NamedTuple):
     lines: list[np.ndarray]
     """Lines of the cause in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none."""
 
-    def judged(self, base: Base, *, white: bool = False) -> Evidence | None:
+    def judged(self, base: NullModel, *, white: bool = False) -> Evidence | None:
         """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
         if self.run is None:
             return evidence(base, self.error, self.size, self.lines, white=white)
@@ -86,11 +86,11 @@ class PossibleCause(NamedTuple):
         """Return it with each line in units of its noise, whose standard deviation is given."""
         return self._replace(lines=[part / deviation for part, deviation in zip(self.lines, noise, strict=True)])
 
-    def agrees(self, base: Base, verdict: Evidence) -> bool:
+    def agrees(self, base: NullModel, verdict: Evidence) -> bool:
         """Return whether the runs agree on its value."""
         if self.run is not None or len(base.runs) == 1:
             return True
-        common = base.absorbing(verdict.lines, verdict.scale)
+        common = base.extended(verdict.lines, verdict.scale)
         further = [evidence(common.single_runs[k], self.error, self.size, [part]) for k, part in enumerate(self.lines)]
         return min([more.chance for more in further if more is not None], default=1.0) * len(further) > UNLIKE
 
@@ -112,8 +112,10 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[ErrorModel]) -> list[
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(error: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[Made]) -> PossibleCause:
-    """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
+def _candidate(
+    error: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[CauseColumns]
+) -> PossibleCause:
+    """A cause without coefficients that have no effect; its typical sizes are the mean of those of its runs."""
     having = parts if run is None else [parts[run]]
     size = np.mean([sizes for _, sizes in having], axis=0)
     acting = np.any([columns.any(axis=(0, 1)) for columns, _ in having], axis=0) & (size > 0)
@@ -164,7 +166,7 @@ class FollowedCause(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Causes that the runs' residuals follow, and the rest that none explains."""
+    """Causes that explain the residuals of the runs, and what none explains."""
 
     causes: list[FollowedCause]
     """Causes that the residuals follow, the most probable first."""
@@ -192,7 +194,7 @@ def _simplest(likely: Sequence[FollowedCause]) -> FollowedCause:
     return simpler[0] if simpler and not variant else likely[0]
 
 
-def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
+def _shown(base: NullModel, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
     """The causes that the residuals show, the most probable first.
 
     Each is looked for in the noise that it would leave. Those that show are compared in one noise, the least: else a
@@ -209,7 +211,7 @@ def _shown(base: Base, open_to: Sequence[PossibleCause]) -> list[FollowedCause]:
     # Bayes factors compare only in one noise: that which the cause of most power leaves
     if len(causes) > 1:
         most = max(causes, key=lambda cause: cause.evidence.power).evidence
-        noise = base.absorbing(most.lines, most.scale).noise
+        noise = base.extended(most.lines, most.scale).noise
         weighted = base.weighted(noise)
         again = [cause.candidate.weighted(noise).judged(weighted, white=True) for cause in causes]
         causes = [
@@ -226,8 +228,8 @@ def _as_probable(cause: FollowedCause, best: FollowedCause) -> bool:
     return by_prior_alone or abs(first.logarithm - rival.logarithm) < LIKELY
 
 
-def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base) -> Judgement:
-    """Return the causes that the residuals of all runs follow, and how much more than noise they leave in each.
+def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: NullModel) -> Judgement:
+    """Return the causes that explain the residuals of all runs, and how far the rest of each exceeds its noise.
 
     Args:
         fits: of the runs, each at its best.
@@ -254,7 +256,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
         best = _simplest(likely)
         # an echo: what a linearised first cause leaves over imitates others, but is small beside it
         power = float(
-            np.square(base.together(base.beside(best.evidence.lines).remaining) @ best.evidence.coefficients).sum()
+            np.square(base.stacked(base.project_out(best.evidence.lines).remaining) @ best.evidence.coefficients).sum()
         )
         if named and power < ECHO * first:
             break
@@ -265,11 +267,11 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
         )  # fmt: skip
         named.append(best._replace(rivals=tuple(rivals)))
         # under its prior it is beside further causes; freed of it, what remains is counted as unexplained
-        base = base.absorbing(best.evidence.lines, best.evidence.scale)
-        free = free.absorbing(best.evidence.lines, FREE * best.evidence.scale)
+        base = base.extended(best.evidence.lines, best.evidence.scale)
+        free = free.extended(best.evidence.lines, FREE * best.evidence.scale)
         taken = best.candidate.error, best.candidate.run
         open_to = [cause for cause in open_to if (cause.error, cause.run) != taken]
-    rest = [_left_over(fit, residuals) for fit, residuals in zip(fits, free.residuals, strict=True)]
+    rest = [_unexplained(fit, residuals) for fit, residuals in zip(fits, free.residuals, strict=True)]
     squares = [[float((rows**2).sum()) for rows in fitted.residuals] for fitted in (base, started)]
     return Judgement(
         named, implausible, explained=[1 - after / max(before, 1e-300) for after, before in zip(*squares, strict=True)],
@@ -277,7 +279,7 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Base
     )  # fmt: skip
 
 
-def _left_over(fit: RunFit, residuals: Float[np.ndarray, "m rows"]) -> tuple[float, int]:
+def _unexplained(fit: RunFit, residuals: Float[np.ndarray, "m rows"]) -> tuple[float, int]:
     """Root mean square of residuals in the motion's band over that above it, on the worst row, and that row."""
     above = fit.lines.above(fit.prediction.counted(fit.prediction.residuals[:, :, None])[:, :, 0])
     ratio = np.sqrt(np.mean(residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))

@@ -63,15 +63,15 @@ class FittedLines:
         """Matrix of the normal equations of the run's own unknowns, with their prior."""
         return products(self.run_columns, self.run_columns) + np.diag(self.run_precision)
 
-    def beside_run(self, columns: Float[np.ndarray, "m rows p"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the run's own unknowns do not absorb of columns, and by how much they follow each, (q, p)."""
+    def project_out_own(self, columns: Float[np.ndarray, "m rows p"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return columns with the run's own unknowns projected out, and the coefficients of these, (q, p)."""
         follows = np.linalg.solve(self.normal, products(self.run_columns, columns))
         return columns - self.run_columns @ follows, follows
 
     @cached_property
     def reduced(self) -> Float[np.ndarray, "m rows s"]:
-        """The shared unknowns' columns beside the run's own."""
-        return self.beside_run(self.shared)[0]
+        """Columns of the shared unknowns, the run's own projected out."""
+        return self.project_out_own(self.shared)[0]
 
     @cached_property
     def information(self) -> Float[np.ndarray, "s s"]:
@@ -83,8 +83,8 @@ Lines = Sequence[np.ndarray]
 """Lines of some signals in each run, (m, rows, p), where m is the run's; zeros where a run has none of it."""
 
 
-class Absorbed(NamedTuple):
-    """Signals beside the fitted unknowns, (m, rows, p) in each run, and how the unknowns follow them."""
+class Projection(NamedTuple):
+    """Signals with the fitted unknowns projected out, (m, rows, p) in each run, and the coefficients of these."""
 
     remaining: list[np.ndarray]
     by_shared: Float[np.ndarray, "s p"]
@@ -92,8 +92,8 @@ class Absorbed(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
-    """The unknowns that all runs together have fitted, line by line."""
+class NullModel:
+    """The model without a cause, which all runs together have fitted, line by line."""
 
     runs: tuple[FittedLines, ...]
     precision: Float[np.ndarray, "s s"]
@@ -109,11 +109,12 @@ class Base:
     @cached_property
     def residuals(self) -> list[np.ndarray]:
         """Residuals of each run with the unknowns at their best, (m, rows)."""
-        return [rows[:, :, 0] for rows in self.beside([run.departure[:, :, None] for run in self.runs]).remaining]
+        return [rows[:, :, 0] for rows in self.project_out([run.departure[:, :, None] for run in self.runs]).remaining]
 
     @cached_property
     def leverage(self) -> list[np.ndarray]:
-        """Part of each residual's noise that the unknowns follow, by run, (m, rows)."""
+        """Leverage of each line, the diagonal of the hat matrix, by run, (m, rows)."""
+        # diagonal of the hat matrix by blocks: the run's own unknowns, then the shared ones beside them
         by_shared = inverse(self.normal)
         by_run = [((run.run_columns @ inverse(run.normal)) * run.run_columns).sum(axis=2) for run in self.runs]
         return [taken + leverage(run.reduced, by_shared) for taken, run in zip(by_run, self.runs, strict=True)]
@@ -123,7 +124,7 @@ class Base:
         """Order of the lines of all runs by frequency."""
         return np.argsort(np.concatenate([run.frequency for run in self.runs]), kind="stable")
 
-    def together(self, lines: Lines) -> np.ndarray:
+    def stacked(self, lines: Lines) -> np.ndarray:
         """Return the lines of all runs in the order of frequency."""
         return np.concatenate(list(lines))[self.order]
 
@@ -135,15 +136,15 @@ class Base:
     @property
     def noise(self) -> list[np.ndarray]:
         """Standard deviation of the noise on the lines of each run, from the residuals of all, (m, rows, 1)."""
-        residuals = self.together(self.residuals)
+        residuals = self.stacked(self.residuals)
         # one spectrum of all runs: a cause of the rig must not differ from run to run by a run's own noise level
         power = np.empty_like(residuals)
-        power[self.order] = spectrum(residuals, 1 - self.together(self.leverage), self.width)
+        power[self.order] = spectrum(residuals, 1 - self.stacked(self.leverage), self.width)
         deviation = np.sqrt(np.maximum(power, 1e-300))[:, :, None]
         return np.split(deviation, np.cumsum([len(run.frequency) for run in self.runs])[:-1])
 
-    def weighted(self, noise: Lines) -> "Base":
-        """Return the base with each line in units of its noise, whose standard deviation is given."""
+    def weighted(self, noise: Lines) -> "NullModel":
+        """Return the model with each line in units of its noise, whose standard deviation is given."""
         runs = [
             replace(
                 run, departure=run.departure / deviation[:, :, 0], run_columns=run.run_columns / deviation,
@@ -153,21 +154,21 @@ class Base:
         ]  # fmt: skip
         return replace(self, runs=tuple(runs))
 
-    def beside(self, columns: Lines) -> Absorbed:
-        """Return what the base does not absorb of some columns."""
+    def project_out(self, columns: Lines) -> Projection:
+        """Return columns with all fitted unknowns projected out (Frisch, Waugh and Lovell)."""
         # block elimination: first each run's own unknowns, then what all runs share (Schur complement)
-        beside_runs = [run.beside_run(part) for run, part in zip(self.runs, columns, strict=True)]
+        projected_runs = [run.project_out_own(part) for run, part in zip(self.runs, columns, strict=True)]
         right = np.sum([products(run.reduced, part) for run, part in zip(self.runs, columns, strict=True)], axis=0)
         by_shared = np.linalg.solve(self.normal, right)
-        pairs = list(zip(self.runs, beside_runs, strict=True))
-        return Absorbed(
+        pairs = list(zip(self.runs, projected_runs, strict=True))
+        return Projection(
             remaining=[part - run.reduced @ by_shared for run, (part, _) in pairs],
             by_shared=by_shared,
-            by_run=[by_run - run.beside_run(run.shared)[1] @ by_shared for run, (_, by_run) in pairs],
+            by_run=[by_run - run.project_out_own(run.shared)[1] @ by_shared for run, (_, by_run) in pairs],
         )
 
-    def absorbing(self, columns: Lines, scale: float = 1.0) -> "Base":
-        """Return the base with further unknowns that all runs share, of a prior of this size."""
+    def extended(self, columns: Lines, scale: float = 1.0) -> "NullModel":
+        """Return the model with further unknowns that all runs share, of a prior of this size."""
         s, p = len(self.precision), columns[0].shape[2]
         runs = [
             replace(run, shared=np.concatenate([run.shared, column], axis=2))
@@ -175,10 +176,10 @@ class Base:
         ]
         precision = np.eye(s + p) / scale**2
         precision[:s, :s] = self.precision
-        return Base(tuple(runs), precision, np.hstack([self.ten, np.zeros((10, p))]))
+        return NullModel(tuple(runs), precision, np.hstack([self.ten, np.zeros((10, p))]))
 
     @cached_property
-    def single_runs(self) -> list["Base"]:
+    def single_runs(self) -> list["NullModel"]:
         """Each run by itself, given what the others say of the unknowns that they share."""
         if len(self.runs) == 1:
             return [self]
@@ -243,7 +244,7 @@ class Evidence(NamedTuple):
 
 
 def evidence(
-    base: Base, error: ErrorModel, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
+    base: NullModel, error: ErrorModel, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
 ) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 
@@ -255,16 +256,16 @@ def evidence(
         white: whether all lines are in units of their noise; else that is from the residuals that the cause leaves.
     """
     # Frisch–Waugh–Lovell: of the cause's lines only what the fitted unknowns leave can show in the residuals
-    absorbed, raw = base.beside(columns), base.together(columns)
-    residuals = base.together(base.residuals)
-    reduced = base.together(absorbed.remaining)
+    absorbed, raw = base.project_out(columns), base.stacked(columns)
+    residuals = base.stacked(base.residuals)
+    reduced = base.stacked(absorbed.remaining)
     normal = products(reduced, raw)
     values, vectors = np.linalg.eigh((normal + normal.T) / 2)
     good = values > 1e-6  # a coefficient of its usual size that changes the residuals by less is not seen
     basis = vectors[:, good]
     signals = reduced @ basis
     taken = (signals**2 / values[good]).sum(axis=2)
-    free = 1 - base.together(base.leverage) - taken
+    free = 1 - base.stacked(base.leverage) - taken
     if not good.any() or float(free.sum()) < FEWEST * good.sum():
         return None
     # eigenvectors of the normal matrix: each coefficient is its own least squares
@@ -278,6 +279,7 @@ def evidence(
     )
     spread = (products(scores, scores) + basis.T @ by_prior @ basis) / np.outer(values[good], values[good])
     weight, count = moving_average(taken, base.width), len(along)
+    # Kish's effective number, (Σ w)²/Σ w²: so many equal squares would scatter as these weighted ones
     shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
     mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     # Hotelling's T²: the spread is itself from some residuals, so that F takes the place of chi-squared
@@ -311,6 +313,8 @@ def _mixture(along: np.ndarray, spread: np.ndarray, freedom: float) -> _Posterio
     alone = max(float(along @ np.linalg.solve(spread, along)), 0.0)
     means, covariances, factors, tails = [], [], [], []
     for scale in SCALES:
+        # the estimate b is N(0, τ² 1 + S) under a part of the prior, N(0, S) under none: the ratio is that part's
+        # Bayes factor
         total = scale**2 * unit + spread
         weighed = np.linalg.solve(total, along)
         square = max(float(along @ weighed), 0.0)
@@ -319,6 +323,8 @@ def _mixture(along: np.ndarray, spread: np.ndarray, freedom: float) -> _Posterio
         gained = freedom / 2 * (np.log1p(alone / freedom) - np.log1p(square / freedom))
         factors.append(gained + determinants / 2)
         tails.append(float(scipy.special.chdtrc(count, square)))
+        # conditional normal distribution, T = τ² 1 + S: mean τ² T⁻¹ b, covariance τ² - τ⁴ T⁻¹ = (τ⁻² + S⁻¹)⁻¹
+        # (Woodbury)
         means.append(scale**2 * weighed)
         covariances.append(scale**2 * (unit - scale**2 * np.linalg.inv(total)))
     # the Bayes factor of a mixture is the mean of its parts', and so are the moments of its posterior
@@ -335,7 +341,7 @@ def _mixture(along: np.ndarray, spread: np.ndarray, freedom: float) -> _Posterio
 def spectrum(
     residuals: Float[np.ndarray, "m rows"], free: Float[np.ndarray, "m rows"], width: int = 2 * SMOOTHED + 1
 ) -> Float[np.ndarray, "m rows"]:
-    """Return the mean squares of the noise on the lines about each, each row by itself.
+    """Return the mean square of the noise about each line, each row by itself: a smoothed periodogram.
 
     Args:
         residuals: on the lines, in the order of frequency.

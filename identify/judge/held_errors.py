@@ -98,6 +98,7 @@ def pooled_change(
     prior = fits[0].prior
     common = prior.root[indices(shared)].any(axis=0)
     precision = np.diag(np.where(common, 0.0, prior.counted))
+    # Schur complement of each run's own unknowns; then the normal equations of what all share add up
     reduced = [
         eliminated(
             fit.weights @ products(fit.columns, fit.columns) + precision,
@@ -166,6 +167,6 @@ def departing_declarations(
 
 
 def farthest(declarations: Iterable[Declaration]) -> tuple[Declaration, ...]:
-    """Return of each quantity the record that is farthest from what was declared, if it is far."""
+    """Return the record of each quantity that is farthest from what was declared, if it is far."""
     ordered = sorted(declarations, key=lambda record: record.distance)
     return tuple({record.quantity: record for record in ordered if record.distance > FAR}.values())

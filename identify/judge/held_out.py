@@ -248,6 +248,7 @@ def _compared(
     at = noise.at(fit.frequency)
     weighed = np.linalg.solve(at, np.concatenate([local, by_estimate, y[:, :, None]], axis=2))
     q = local.shape[2]
+    # generalised least squares of the run's own unknowns, which are then projected out of what is compared
     covariance = inverse(products(local, weighed[:, :, :q]) + np.diag(fit.prior.counted))
     reduced = np.concatenate([by_estimate, y[:, :, None]], axis=2)
     reduced = reduced - local @ (covariance @ products(local, weighed[:, :, q:]))
@@ -257,6 +258,7 @@ def _compared(
     spread = np.einsum("map,maq->apq", moved, moved)
     variance = power.sum(axis=0) + np.einsum("app->a", spread)
     squares = (power**2).sum(axis=0) + 2 * np.einsum("ma,map->a", power, moved**2) + (spread**2).sum(axis=(1, 2))
+    # Satterthwaite: (Σ λ)²/Σ λ² degrees of freedom of a sum of squares of variances λ
     freedom, count = variance**2 / np.maximum(squares, 1e-300), len(fit.prediction.signals.t)
     total = (errors**2).sum(axis=0)
     body, chance = _of_body(moved, errors, at, noise, freedom_of_estimate)

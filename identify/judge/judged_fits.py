@@ -16,7 +16,7 @@ from identify.judge.conventions.removed_weight import LEAST_WEIGHT
 from identify.judge.judged_part import judged_part
 from identify.judge.run_fit import RunFit, fit_run
 from identify.results.identification_result import Identification
-from identify.rigid_body.rotation import cumulative_product, exponentials
+from identify.rigid_body.rotation import cumulative_product, exponential
 from identify.signals.band_limited_run import InBand, in_band
 from identify.signals.run import Run
 
@@ -152,7 +152,7 @@ def falls(run: Run, result: Identification, problem: Problem) -> bool:
 
 
 def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:
-    """Return the size of what stays of a vector: of its mean in B, or in axes that the gyro keeps, if that is larger.
+    """Return the size of a vector's mean: in B, or in axes that the gyro keeps, whichever is larger.
 
     On a robot arm, which turns the body all ways, gravity has hardly a mean in B.
     """
@@ -161,7 +161,7 @@ def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:
         omega, values = run.omega[segment], vectors[segment]
         for first in range(0, len(values), count):
             part = slice(first, first + count)
-            attitude = cumulative_product(exponentials(omega[part] / run.rate))
+            attitude = cumulative_product(exponential(omega[part] / run.rate))
             mean = np.einsum("nij,nj->i", attitude, values[part]) / len(attitude)
             squares, samples = squares + len(attitude) * float(mean @ mean), samples + len(attitude)
     in_body = float(np.linalg.norm(vectors.mean(axis=0)))

@@ -22,7 +22,7 @@ from identify.estimation.joint.joint_pooling import shared_unknowns
 from identify.estimation.methods.base import Problem
 from identify.judge import held_errors
 from identify.judge.causes import FollowedCause, Judgement, followed
-from identify.judge.evidence import Base
+from identify.judge.evidence import NullModel
 from identify.judge.findings import MATTERS
 from identify.judge.held_errors import by_held_errors
 from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
@@ -315,8 +315,8 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     )  # fmt: skip
 
 
-def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> Base:
-    """The unknowns of all runs at their best together, with what is declared beside them."""
+def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> NullModel:
+    """The model of all runs without a cause, with the declared errors."""
     # each mounting has its own centre of gravity, and so its own distance from a point at rest
     drawn = PLACES if len({run.mounting for run in problem.runs}) > 1 else ()
     # the joint estimate alone takes the load cell's zero from static poses; others fit one in each run
@@ -326,11 +326,11 @@ def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> B
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
     # the fit has a declared turn of the gyro as one of the whole IMU
     turns = [fit.transformed(ErrorColumns(fit.prediction).columns(GYRO_AXES) @ axes) for fit in fits]
-    return base.absorbing(turns) if axes.size else base
+    return base.extended(turns) if axes.size else base
 
 
 def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[ErrorModel]:
-    """Causes that the experiment excludes, or of which nothing is declared, so that they are no news."""
+    """Causes that the experiment excludes, or whose prior is so wide that they are no finding."""
     free = _undeclared(problem, result)
     missing = {"mounting"} if all(falls(run, result, problem) for run in runs) else set()
     if problem.offsets == "none":
@@ -401,7 +401,7 @@ def _named_once(judgements: Sequence[Judgement], result: Identification) -> dict
 
 
 def _undeclared(problem: Problem, result: Identification) -> frozenset[str]:
-    """Unknowns of which so little is declared that an error of them is no news."""
+    """Unknowns whose prior is so wide that an error of them is no finding."""
     free = {"mass"} if problem.mass is None and problem.centre is None else set()
     if problem.cg_motion != "still":
         free.add("cg_from_still")

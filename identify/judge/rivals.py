@@ -12,13 +12,13 @@ from jaxtyping import Float
 from identify.display.rounding import significant
 from identify.errors.body.mass import MASS
 from identify.errors.error_model import ErrorModel
-from identify.errors.imu.rotation import ROTATION
+from identify.errors.imu.imu_axes import IMU_AXES
 from identify.errors.load_cell.gain import GAIN
 from identify.errors.load_cell.load_cell_axes import LOAD_CELL_AXES
 from identify.errors.written_sizes import ROUNDING
 from identify.estimation.joint.error_columns import ErrorColumns
 from identify.estimation.joint.predicted_wrench import PredictedWrench
-from identify.judge.evidence import Base, Evidence
+from identify.judge.evidence import Evidence, NullModel
 from identify.judge.findings import signed
 from identify.judge.run_fit import RunFit, tensor_change
 from identify.results.identification_result import Identification
@@ -44,7 +44,7 @@ class JudgedWay(NamedTuple):
     """Runs at their best by one way to have their specific force."""
 
     fits: Sequence[RunFit]
-    base: Base
+    base: NullModel
     """The unknowns of all runs at their best together."""
 
 
@@ -54,7 +54,7 @@ def rivals(evidence: Evidence, run: PredictedWrench) -> list[Rival]:
     return [] if make is None else make(evidence.values, run)
 
 
-def _of_rotation(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
+def _of_imu_axes(turn: np.ndarray, run: PredictedWrench) -> list[Rival]:
     """The load cell turned against the body, in place of the IMU."""
     turned = ErrorColumns(run).columns(LOAD_CELL_AXES) @ -turn
     return [Rival("a rotation of the load cell", "correct wrench_rotation_to_body", turned)]
@@ -67,7 +67,7 @@ def _of_mass(missing: np.ndarray, run: PredictedWrench) -> list[Rival]:
     added = ErrorColumns(run).columns(GAIN) @ np.full(GAIN.count, share)
     others = [Rival(gain, "calibrate it, or declare a scale of F and M", added)]
     if kg > 0:
-        others.append(_beside(kg, run))
+        others.append(_part_at_q(kg, run))
     if run.force_from == "still" and abs(share) < OTHER_WEIGHT:
         up = run.gravity * run.signals.up
         weight = kg * np.hstack([up, np.cross(run.x["r_cg"], up)])
@@ -79,7 +79,7 @@ def _of_mass(missing: np.ndarray, run: PredictedWrench) -> list[Rival]:
     return others
 
 
-def _beside(kg: float, run: PredictedWrench) -> Rival:
+def _part_at_q(kg: float, run: PredictedWrench) -> Rival:
     """A part at Q that the declared mass does not have, such as an adapter."""
     force = kg * (run.specific_force - run.signals.levers @ run.x["r_cg"])
     return Rival(
@@ -90,7 +90,7 @@ def _beside(kg: float, run: PredictedWrench) -> Rival:
 
 
 MADE: dict[ErrorModel, Callable[[np.ndarray, PredictedWrench], list[Rival]]] = {
-    ROTATION: _of_rotation,
+    IMU_AXES: _of_imu_axes,
     MASS: _of_mass,
 }
 """Functions that make the rivals of a cause, by its coefficients in SI."""
@@ -104,7 +104,7 @@ def tensor_shift(
     if result.method != "joint":
         return tensor_change(way.fits, weights, columns)[:, 0]
     lines = [fit.transformed(part) for fit, part in zip(way.fits, columns, strict=True)]
-    return np.asarray(way.base.ten @ way.base.beside(lines).by_shared)[4:, 0]
+    return np.asarray(way.base.ten @ way.base.project_out(lines).by_shared)[4:, 0]
 
 
 def effect(shift: Float[np.ndarray, "6"], standard_uncertainty: Float[np.ndarray, "6"]) -> str:

@@ -1,4 +1,4 @@
-"""The unknowns of one run at their best under their priors: what causes are judged beside.
+"""The maximum a posteriori fit of one run, beside which causes are judged.
 
 Gauss–Newton on the joint model's rows, on the lines of the cosine transform up to the motion's band: above it the
 motion's derivatives hold the gyro's noise, which the residuals hold, too.
@@ -22,7 +22,7 @@ from identify.estimation.joint.noise_spectrum import noise_spectrum
 from identify.estimation.joint.predicted_wrench import Columns, PredictedWrench, about_centre
 from identify.estimation.joint.priors import Alignment, Prior, Setting, indices
 from identify.estimation.joint.single_run import gyro_noise, prepared, start_bias, start_up
-from identify.judge.evidence import Base, FittedLines
+from identify.judge.evidence import FittedLines, NullModel
 from identify.least_squares.row_products import products, solution
 from identify.rigid_body.rotation import exponential
 from identify.signals.band_limited_run import PASSED, InBand
@@ -104,8 +104,8 @@ class RunFit:
         return noise.weights(self.columns)
 
     @cached_property
-    def base(self) -> Base:
-        """The fitted unknowns, beside which causes are judged."""
+    def base(self) -> NullModel:
+        """The model of this run without a cause."""
         return base_of([self], ())
 
     @property
@@ -115,8 +115,8 @@ class RunFit:
         return np.asarray(np.sqrt(np.mean((self.residuals @ back.T) ** 2, axis=0)))
 
 
-def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> Base:
-    """Return the unknowns of some runs at their best together.
+def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> NullModel:
+    """Return the model without a cause of some runs together.
 
     Args:
         fits: of the runs, under one prior.
@@ -132,7 +132,7 @@ def base_of(fits: Sequence[RunFit], shared: Iterable[str]) -> Base:
         )
         for fit in fits
     ]  # fmt: skip
-    return Base(tuple(runs), np.diag(prior.counted[common]), prior.root[indices(TEN)][:, common])
+    return NullModel(tuple(runs), np.diag(prior.counted[common]), prior.root[indices(TEN)][:, common])
 
 
 def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.ndarray]) -> RunFit:
@@ -159,6 +159,7 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
     for step in range(STEPS):
         lines = TransformedRows(rows.interval, rows.band, whitener)
         at = linearised(model, prior, z, lines)
+        # as the joint estimate: a ridge of 1 for coordinates with a standard normal prior
         normal = products(at.columns, at.columns) + np.diag(prior.counted)
         right = products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z
         change = solution(normal, right)
@@ -226,6 +227,7 @@ def tensor_change(
         rows, moment = fit.prediction.regressor, about_centre(columns, fit.prediction.x["r_cg"])
         if offsets:
             rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
+        # first order: least squares are linear in the wrench, so that their change is their estimate of what is added
         normal += weight * products(rows, rows)
         right += weight * products(rows, moment)
     return solution(normal, right)

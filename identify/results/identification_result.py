@@ -234,6 +234,7 @@ class Identification(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the content of result.json, in kg·m² and SI."""
         bounds = self.conventional_bounds
+        undeclared = None if self.undeclared is None else self.undeclared.to_dict()
         content = {
             **self.form(),
             "status": status(self.contradicted),
@@ -263,7 +264,8 @@ class Identification(Result):
             "pooling": None if self.pooling is None else self.pooling.to_dict(),
             "discordance": None if self.discordance is None else self.discordance.to_dict(),
             "budget": {error: by_component(u) for error, u in self.contributions.items()},
-            "not_included": None if self.undeclared is None else self.undeclared.to_dict(),
+            "undeclared": undeclared,
+            "not_included": undeclared,  # its name before; within version 1 of the file keys are only added
             "declarations": [declaration.to_dict() for declaration in self.declarations],
             "consistency": [verdict._asdict() for verdict in self.consistency],
             "warnings": list(self.warnings),

@@ -80,25 +80,17 @@ def signed_order(text: str, names: str) -> Float[np.ndarray, "n n"]:
     return rows
 
 
-def exponential(turn: Float[ArrayT, "3"]) -> Float[ArrayT, "3 3"]:
+def exponential(turn: Float[ArrayT, "*n 3"]) -> Float[ArrayT, "*n 3 3"]:
     """Return the rotation matrix of a rotation vector [rad] (Rodrigues), with its Taylor branch near zero."""
     xp = turn.__array_namespace__()
-    square = xp.dot(turn, turn)
+    square = (turn * turn).sum(axis=-1)[..., None, None]
     small = square < 1e-8
     angle = xp.sqrt(xp.where(small, 1.0, square))
     sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
     cross = CROSS.astype(turn.dtype)  # traced faster than cross_matrix; float64 would stay so where it is off
-    hat = (cross * xp.reshape(turn, (3, 1, 1))).sum(axis=0)
-    return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * hat @ hat
-
-
-def exponentials(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the rotation matrices of many rotation vectors [rad], :func:`exponential` of each, in NumPy."""
-    angle = np.sqrt((turns**2).sum(axis=1))[:, None, None]
-    hats = cross_matrices(turns)
-    sine, cosine = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
-    return np.asarray(np.eye(3) + sine * hats + cosine * (hats @ hats))
+    hat = (cross * turn[..., None, None]).sum(axis=-3)
+    return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * (hat @ hat)
 
 
 def quaternions(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 4"]:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.regressor import cross_matrix
-from identify.rigid_body.rotation import cumulative_product, exponentials
+from identify.rigid_body.rotation import cumulative_product, exponential
 from identify.signals.run import Run, RunError
 from identify.signals.segments import Segment
 
@@ -76,4 +76,4 @@ def _turned(run: Run, bias: np.ndarray) -> np.ndarray:
     w = run.omega - bias
     step = 1 / run.rate
     turns = step / 2 * (w[1:] + w[:-1]) + step**2 / 12 * np.cross(w[:-1], w[1:])
-    return cumulative_product(exponentials(np.concatenate([np.zeros((1, 3)), turns]))).transpose(0, 2, 1)
+    return cumulative_product(exponential(np.concatenate([np.zeros((1, 3)), turns]))).transpose(0, 2, 1)

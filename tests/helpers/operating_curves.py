@@ -5,7 +5,7 @@ identify`` does; of contradictions with the conventions it is judged as ``inerti
 the size that shifts some component of plain least squares by 1, 3, 10 and 30 standard uncertainties of a clean run;
 where that is no measure, the sizes stand in :data:`CURVES`. Cells that the file has already are not done again.
 
-    python -m tests.helpers.operating_curves --runs 3 --clean 40 --write    # 10 minutes of processor time
+    python -m tests.helpers.operating_curves --runs 6 --clean 100 --write   # 23 minutes of processor time
     python -m tests.helpers.operating_curves --write                        # 20 runs a size, 200 clean ones
     python -m tests.helpers.operating_curves --texts                        # seconds, after a change of a finding
 

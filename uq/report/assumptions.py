@@ -42,11 +42,12 @@ def absences(declared: Sequence[tuple[str, str]]) -> list[str]:
     Args:
         declared: target and kind of each source.
     """
-    targets: dict[str, list[str]] = {}
-    for (target, _), kind in KINDS.items():
-        if kind.absence and not is_declared(target, kind, declared):
-            targets.setdefault(kind.absence, []).append(NOUNS.get(target, target))
-    return [absence.format(enumerated(names)) for absence, names in targets.items()]
+    clauses = []
+    for kind in dict.fromkeys(KINDS.values()):  # one of several targets stands there several times
+        absent = [target for target in kind.targets if not is_declared(target, kind, declared)]
+        if kind.absence and absent:
+            clauses.append(kind.absence.format(enumerated([NOUNS.get(target, target) for target in absent])))
+    return clauses
 
 
 def _drawn(sources: Sequence[Mapping[str, Any]], mixing: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -6,6 +6,7 @@ sources, or where a run was resumed; but sources declared correlated are drawn t
 
 import zlib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import jax
@@ -15,8 +16,9 @@ from jaxtyping import Array, Complex, Float, Inexact, Key
 
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Empirical, Normal, random_point
+from uq.sources.noise_filters import NoisePart
 from uq.sources.quasi_random import values_at
-from uq.sources.random_normals import Index, normal_pairs
+from uq.sources.random_normals import Index, drawn_in_turn, normal_pairs
 from uq.sources.source import Source
 
 BLOCK = 1200
@@ -131,8 +133,13 @@ def draw_pairs(
 
 
 def noise_at_rest(sources: Sequence[Source], dtype: Any) -> list[Any]:
-    """Return what each source's noise remembers at the run's start, for :func:`noise_of_block`."""
-    return [source.error_kind.noise_at_rest(source, dtype) for source in sources]
+    """Return what the filters of each source's noise remember at the run's start, for :func:`noise_of_block`."""
+    return [() if s.white else [part.filter.at_rest(dtype) for part in _noise_parts(s, 1.0)] for s in sources]
+
+
+def _noise_parts(source: Source, rate: Any) -> Sequence[NoisePart]:
+    """The parts of noise with a memory, whose figures may be traced."""
+    return source.error_kind.noise_parts(source, rate) or ()
 
 
 def noise_of_block(
@@ -153,7 +160,7 @@ def noise_of_block(
         sources: of noise, white or not.
         mixing: what is correlated.
         streams: key of each, from :func:`noise_streams`.
-        memory: of each, from the block before; see :meth:`uq.sources.source.ErrorKind.noise_block`.
+        memory: of each, from the block before; of the first from :func:`noise_at_rest`.
         block: number of the block.
         rate: sample rate [Hz].
         dtype: of the samples.
@@ -166,10 +173,23 @@ def noise_of_block(
             drawn.append(next(pairs))
             remembered.append(before)
             continue
-        noise, after = source.error_kind.noise_block(source, before, stream, block, rate, dtype)
+        noise, after = jnp.zeros((3, BLOCK), dtype), []
+        for part, state in zip(_noise_parts(source, rate), before, strict=True):
+            driving = partial(_white, jax.random.fold_in(stream, part.stream), block)
+            samples, state = part.filter.block(driving, state, dtype)
+            noise = noise + jnp.asarray(part.sigma).astype(dtype)[:, None] * samples.astype(dtype)
+            after.append(state)
         drawn.append(noise)
         remembered.append(after)
     return drawn, remembered
+
+
+def _white(stream: Key[Array, ""], block: Index, dtype: Any) -> Float[Array, "3 1200"]:
+    """Standard normal samples in order, axis by axis."""
+    columns = jax.lax.iota(jnp.uint32, BLOCK // 2)
+    axis_pairs = lambda row: normal_pairs(stream, block, row * jnp.uint32(BLOCK // 2) + columns, dtype)  # noqa: E731
+    pairs = drawn_in_turn(axis_pairs, 3)
+    return jnp.concatenate([pairs.real, pairs.imag], axis=1)
 
 
 def _standard_pairs(source: Source, stream: Key[Array, ""], block: Index, dtype: Any) -> Complex[Array, "3 600"]:

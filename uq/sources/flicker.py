@@ -1,6 +1,8 @@
 """Flicker noise, of spectrum 1/f: white noise half integrated, with first-order processes for its memory."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,8 +20,6 @@ def pink_response(lags: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
     """
     return np.exp([math.lgamma(k + 0.5) - math.lgamma(k + 1) - math.lgamma(0.5) for k in lags])
 
-
-FLICKER = NoiseFilter("flicker", pink_response)
 
 LONGEST = 2**24
 """Lag up to which the first-order processes stand for the response: 11 hours at 400 Hz."""
@@ -63,3 +63,13 @@ def pink_block(
     states = jnp.einsum("mij,cjm->cim", passed.astype(processes.dtype), added)
     pink = samples @ response.T.astype(dtype) + states[:, :-1].astype(dtype) @ after.T.astype(dtype)
     return pink.reshape(3, BLOCK), states[:, -1]
+
+
+def _filtered(
+    white: Callable[[Any], Float[Array, "3 1200"]], processes: Float[Array, "3 processes"], dtype: Any
+) -> tuple[Float[Array, "3 1200"], Float[Array, "3 processes"]]:
+    """Draw and filter in float32, which rounds to less than the filter's 3e-6; the processes keep their type."""
+    return pink_block(white(np.dtype("float32")), processes)
+
+
+FLICKER = NoiseFilter("flicker", pink_response, _filtered, lambda dtype: jnp.zeros((3, len(DECAYS)), dtype))

@@ -1,13 +1,21 @@
-"""Noise as white noise behind a filter: what sums over samples need to know of it."""
+"""Noise as white noise behind a filter.
+
+Sums over samples need a filter's impulse response, trials by samples its output block by block.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from numpy import fft
+
+FilterBlock = Callable[[Callable[[Any], Float[Array, "3 n"]], Any, Any], tuple[Float[Array, "3 n"], Any]]
+"""Function of a generator of white noise of unit variance, which takes its type; of what the filter remembers from the
+block before; and of the samples' type. It returns a block, component first, and what is remembered for the next."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +25,10 @@ class NoiseFilter:
     name: str
     impulse_response: Callable[[np.ndarray], np.ndarray] = field(compare=False, repr=False)
     """Function of the lags 0, 1, … in samples."""
+    block: "FilterBlock" = field(compare=False, repr=False)
+    """Function that makes the output, block by block."""
+    at_rest: Callable[[Any], Any] = field(compare=False, repr=False, default=lambda dtype: ())
+    """Function of the samples' type that gives what it remembers at the run's start: any tree of arrays."""
 
     def response(self, n: int) -> Float[np.ndarray, " k"]:
         """Return its response to an impulse over ``n`` samples; of white noise over one."""
@@ -36,8 +48,15 @@ class NoiseFilter:
         return np.concatenate([half[:0:-1], half])
 
 
-WHITE = NoiseFilter("white", np.ones_like)
-WALK = NoiseFilter("random walk", np.ones_like)
+def _running_sum(
+    white: Callable[[Any], Float[Array, "3 n"]], total: Float[Array, "3"], dtype: Any
+) -> tuple[Float[Array, "3 n"], Float[Array, "3"]]:
+    sums = total[:, None] + jnp.cumsum(white(dtype), axis=1)
+    return sums, sums[:, -1]
+
+
+WHITE = NoiseFilter("white", np.ones_like, lambda white, memory, dtype: (white(dtype), memory))
+WALK = NoiseFilter("random walk", np.ones_like, _running_sum, lambda dtype: jnp.zeros(3, dtype))
 """A running sum."""
 
 
@@ -45,8 +64,10 @@ class NoisePart(NamedTuple):
     """A part of a source's noise."""
 
     filter: NoiseFilter
-    sigma: Float[np.ndarray, "3"]
+    sigma: Float[Array | np.ndarray, "3"]
     """Standard deviation of the white noise that drives it, axis by axis [SI]."""
+    stream: int = 0
+    """Number of that white noise among those of the source: parts of one number share their draws."""
 
 
 class GyroNoise(NamedTuple):

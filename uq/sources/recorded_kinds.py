@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
-from uq.sources.source import EVERY_SAMPLE, KINDS, ErrorKind, Source, SumsConditions
+from uq.sources.source import KINDS, ErrorKind
 
 
 class ErrorByAct(ErrorKind):
@@ -12,10 +12,6 @@ class ErrorByAct(ErrorKind):
 
     constant = True
     error: ClassVar[ErrorModel]
-
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
-        """Return why sums over samples do not tell its effect."""
-        return EVERY_SAMPLE
 
 
 def register() -> None:

@@ -14,14 +14,13 @@ from typing import Annotated, Any, ClassVar, NamedTuple, NoReturn
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 
 from identify.display.rounding import significant
 from identify.pytree import Pytree, static_field
 from uq.sources.distributions import Distribution, Normal
 from uq.sources.draw_figures import DrawFigures, figures, part_of
-from uq.sources.noise_filters import NoisePart
-from uq.sources.random_normals import Index
+from uq.sources.noise_filters import WHITE, NoisePart
 
 SIGNAL_UNITS: Mapping[str, str] = MappingProxyType({"F": "N", "M": "N*m", "omega": "rad/s"})
 """Units of the measured signals; other targets are constants of the rig, of the body or of the whole load cell."""
@@ -115,6 +114,29 @@ class Source(Pytree):
         """The field of :class:`uq.sources.constant_errors.Errors` that its draw sets."""
         return self.error_kind.perturbs.get(self.target)
 
+    def noise_parts(self, rate: float) -> list[NoisePart] | None:
+        """Return the white noises behind filters that it is or acts as, at a rate [Hz]; None: none is stated."""
+        parts = self.error_kind.noise_parts(self, rate)
+        sized = (NoisePart(part.filter, np.asarray(part.sigma), part.stream) for part in parts or ())
+        return None if parts is None else [part for part in sized if part.filter == WHITE or np.any(part.sigma)]
+
+    def white_variance(self, rate: float) -> Float[np.ndarray, "3"] | None:
+        """Return the variance of the white ones among its :meth:`noise_parts`; None: no noise is stated."""
+        parts = self.noise_parts(rate)
+        if parts is None or self.white:
+            return None if parts is None else self.variance
+        return sum((np.square(part.sigma) for part in parts if part.filter == WHITE), np.zeros(3))
+
+    def resized(self, factor: float) -> "Source":
+        """Return a source whose error is ``factor`` times as large; its expectation stays.
+
+        The end of a range, of which nothing is drawn and which acts as no noise, is no error's size, and stays, too.
+        """
+        if not self.drawn and self.noise_parts(1.0) is None:
+            return self
+        sizes = {key: np.asarray(factor * self.settings[key]) for key in self.error_kind.sizes if key in self.settings}
+        return replace(self, sigma=np.asarray(factor * self.sigma), settings={**self.settings, **sizes})
+
     @property
     def signal(self) -> int | None:
         """Index in :data:`SIGNALS` of the signal that errs; None: the rig, the body or the load cell does."""
@@ -126,39 +148,34 @@ class Source(Pytree):
         return self.signal == SIGNAL_NUMBERS["omega"]
 
 
-class SignalRange(NamedTuple):
-    """Range of the signal that a source acts on, axis by axis, by which a kind decides whether the law covers it."""
-
-    largest: Float[np.ndarray, "3"]
-    """Largest absolute value of the noise-free signal."""
-    moves: Float[np.ndarray, "3"]
-    """Root mean square of the signal's change from one sample to the next."""
-    variance: Float[np.ndarray, "3"]
-    """Variance of the signal's noise and biases together."""
-    correlated: bool
-    """Whether the source's draws are correlated, among one another or with those of other sources."""
-    rests: Float[np.ndarray, "3"]
-    """Part of the run in which the noise-free signal does not change."""
-    noise: Float[np.ndarray, "cases 3"]
-    """Standard deviation of the normal white noise beside the source, in each case that has a random error of its
-    signal."""
-
+BIASES = ("cell_bias", "gyro_bias")
+"""Fields of :class:`uq.sources.constant_errors.Errors` that add the same to every sample of a signal."""
 
 MANY_SIGMA = 6.0
 """Standard deviations that must fit between a signal and the end of its range for the range not to matter."""
 
 
-class SumsConditions(NamedTuple):
-    """Run and other sources of a case, by which a kind decides whether sums over samples tell its effect."""
+class SignalRange(NamedTuple):
+    """Range of the signal that a source acts on, axis by axis [SI]: by it a kind says what sums and law can take."""
 
-    other_noise: Float[np.ndarray, "3"]
-    """Standard deviation of other sources' independent, normal, white noise on the signal, axis by axis [SI]."""
-    others_of_kind: int
-    """Number of other sources of this kind on this signal."""
-    remainder: float
-    """Error of sums interpolated between delays of the gyro, in parts of the delay's effect."""
-    reach: Float[np.ndarray, "3"]
-    """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added [SI]."""
+    largest: Float[np.ndarray, "3"]
+    """Largest absolute value of the noise-free signal."""
+    variance: Float[np.ndarray, "3"]
+    """Variance of the signal's noise and biases together."""
+    noise: Float[np.ndarray, "cases 3"]
+    """Standard deviation of the independent, normal, white noise beside the source: in the case that is asked of, or in
+    each that has a random error of the signal."""
+    alike: int
+    """Number of other sources of this kind on the signal."""
+    moves: Float[np.ndarray, "3"] = np.zeros(3)
+    """Root mean square of the signal's change from one sample to the next, which counts in the law alone."""
+    rests: Float[np.ndarray, "3"] = np.ones(3)
+    """Part of the run in which the noise-free signal does not change, likewise."""
+
+    @property
+    def reach(self) -> Float[np.ndarray, "3"]:
+        """Largest value of the noise-free signal, plus :data:`MANY_SIGMA` standard deviations of what is added."""
+        return self.largest + MANY_SIGMA * np.sqrt(self.variance)
 
 
 EVERY_SAMPLE = "changes every sample"
@@ -174,39 +191,20 @@ class ErrorKind:
 
     name: ClassVar[str] = ""
     """Name of the kind, as ``kind`` in ``[[source]]``."""
-    targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
-    shape: ClassVar[tuple[int, ...]] = (3,)
-    """Shape of the draw."""
-    written_as: ClassVar[type[DrawFigures]] = DrawFigures
-    """Form of the draw's figures in ``[[source]]``."""
-
-    absence: ClassVar[str] = ""
-    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
-    acts_as: ClassVar[tuple[str, ...]] = ()
-    """Names of other kinds whose assumptions are false, too, with a source of this one."""
-    constant: ClassVar[bool] = False
-    """Whether an error of this kind is drawn once an experiment."""
-    noise: ClassVar[bool] = False
-    """Whether an error of this kind is drawn anew at each sample."""
-    white: ClassVar[bool] = False
-    """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
-    it."""
-    in_sums_as: ClassVar[str] = ""
-    """Approximation of the error in sums that tell its effect nearly, in words."""
-    averages_out: ClassVar[bool] = False
-    """Whether the error's effect falls with the length of the run, as that of noise does."""
-    sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
-    perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
-    stage: ClassVar[int | None] = None
-    """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
 
     def __init_subclass__(cls) -> None:
-        """Freeze the kind's tables and register it on each of its targets."""
+        """Freeze the kind's tables, tell how it is drawn, and register it on each of its targets.
+
+        Raises:
+            TypeError: it is noise that does not say which.
+        """
         for table in ("targets", "perturbs", "sizes"):
             setattr(cls, table, MappingProxyType(dict(getattr(cls, table))))
+        states_noise = cls.noise_parts is not ErrorKind.noise_parts
+        if cls.noise and not states_noise:
+            raise TypeError(f"{cls.__name__} is noise: define `noise_parts`")
+        cls.constant = cls.constant or bool(cls.perturbs)
+        cls.noise = states_noise and cls.stage is None
         if cls.name:
             KINDS.update(dict.fromkeys(((target, cls.name) for target in cls.targets), cls()))
 
@@ -214,16 +212,16 @@ class ErrorKind:
         """Refuse an attribute, as a kind has no state."""
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
-    def own_effects(self, target: str) -> frozenset[tuple[str, str]]:
-        """Return what makes :attr:`absence` false on a target: kinds, the field or noise, each with a channel."""
-        noise = ("white noise" if self.white else "noise with a memory") if self.noise else None
-        marks = [self.name, *self.acts_as, self.perturbs.get(target), noise]
-        channels = CHANNELS.get(target, (target,))
-        return frozenset((mark, channel) for mark in marks if mark for channel in channels)
+    # --- what `[[source]]` says of it ---
 
-    def effects(self, target: str) -> frozenset[tuple[str, str]]:
-        """Return what a source of the kind does, to be met with :meth:`own_effects` of others: all noise is noise."""
-        return self.own_effects(target) | ({("white noise", target)} if self.noise else frozenset())
+    targets: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Unit in which the figures are read, by target; a draw in per cent is converted to parts of one."""
+    shape: ClassVar[tuple[int, ...]] = (3,)
+    """Shape of the draw."""
+    written_as: ClassVar[type[DrawFigures]] = DrawFigures
+    """Form of the draw's figures in ``[[source]]``."""
+    sizes: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Settings that say how large it is, by their keys in ``[[source]]``: each one's unit, ``{}`` for the target's."""
 
     def keys(self, target: str) -> dict[str, Any]:
         """Return the keys of the kind in ``[[source]]`` that are not drawn: their types, in SI.
@@ -249,10 +247,20 @@ class ErrorKind:
         """Return how figures of the draw's size are written."""
         return self.written_as(self.targets[target], self.shape)
 
-    def resized(self, source: Source, factor: float) -> Source:
-        """Return a source whose error is ``factor`` times as large; its expectation stays."""
-        sizes = {name: np.asarray(factor * source.settings[name]) for name in self.sizes if name in source.settings}
-        return replace(source, sigma=np.asarray(factor * source.sigma), settings={**source.settings, **sizes})
+    # --- what it does ---
+
+    perturbs: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """The field of :class:`uq.sources.constant_errors.Errors` that a constant's draw sets, by target."""
+    stage: ClassVar[int | None] = None
+    """Place in a sensor's chain, after noise, at which :meth:`sensed` changes the samples; None: it does not."""
+    constant: ClassVar[bool] = False
+    """Whether an error of this kind is drawn once an experiment: so it is if it :attr:`perturbs` a field."""
+    noise: ClassVar[bool] = False
+    """Whether an error of this kind is drawn anew at each sample: so it is if :meth:`noise_parts` states noise that is
+    no stage's."""
+    white: ClassVar[bool] = False
+    """Whether the error is noise whose samples are independent, of the source's distribution, so that sums can simulate
+    it."""
 
     def value(self, source: Source, draw: Draw) -> Draw:
         """Return what a constant's draw [SI] adds to the field that it perturbs: linear in it.
@@ -261,24 +269,16 @@ class ErrorKind:
         """
         return draw
 
-    def noise_at_rest(self, source: Source, dtype: Any) -> Any:
-        """Return what noise that is not white remembers from block to block, at the run's start: any tree of arrays."""
-        return ()
+    def noise_parts(self, source: Source, rate: Any) -> Sequence[NoisePart] | None:
+        """Return the white noises behind filters that noise consists of, or that a stage acts as; None: of neither.
 
-    def noise_block(
-        self, source: Source, memory: Any, stream: Key[Array, ""], block: Index, rate: Float[Array, ""], dtype: Any
-    ) -> tuple[Float[Array, "3 1200"], Any]:
-        """Return one block of noise that is not white, component first, and what is remembered for the next.
+        All of a kind's noise follows: its draws, its moments in sums, its variance in the law.
 
         Args:
-            source: of this kind.
-            memory: from the block before; from :meth:`noise_at_rest` of the first.
-            stream: key of the source's noise in the trial.
-            block: number of the block.
-            rate: sample rate [Hz].
-            dtype: of the samples.
+            source: of this kind; its figures may be traced.
+            rate: sample rate [Hz], which may be traced.
         """
-        raise NotImplementedError(f"{self.name} draws no samples")
+        return None
 
     def sensed(
         self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
@@ -292,31 +292,25 @@ class ErrorKind:
         """
         return signal
 
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
-        """Return why sums over samples do not tell a source's effect, to follow its name; None: they do."""
+    # --- what trials on sums and the law can take of it ---
+
+    in_sums_as: ClassVar[str] = ""
+    """Approximation of the error in sums that tell its effect nearly, in words."""
+
+    def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
+        """Return why sums over samples do not tell a source's effect on a signal, to follow its name; None: they do."""
         return None if self.stage is None else EVERY_SAMPLE
-
-    def in_sums(self, source: Source) -> Source:
-        """Return the source that stands for one in sums, where these tell its effect: the same in every case."""
-        return source
-
-    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
-        """Return noise as white noises behind filters, at a sample rate [Hz]: what trials on sums need of it."""
-        raise NotImplementedError(f"{self.name} states no filters of its noise")
-
-    def white_variance(self, source: Source, rate: float) -> Float[np.ndarray, "3"] | None:
-        """Return the variance of the white noise that the law takes it for, at a sample rate [Hz]; None: for none."""
-        return None
-
-    def added_variance(self, source: Source) -> Float[np.ndarray, "3"]:
-        """Return the variance that it adds to its signal itself, whatever the motion."""
-        return np.zeros(3)
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return what the law of propagation cannot take of a source on a measured signal; None: it takes it."""
-        if self.noise and self.white_variance(source, 1.0) is None:
-            return "is noise that is not white"
         return None if self.stage is None else EVERY_SAMPLE
+
+    # --- what a result says where there is none ---
+
+    absence: ClassVar[str] = ""
+    """Assumption of a result without such an error, a clause with ``{}`` for the target; empty: none."""
+    acts_as: ClassVar[tuple[str, ...]] = ()
+    """Names of other kinds whose assumptions are false, too, with a source of this one."""
 
 
 KINDS: dict[tuple[str, str], ErrorKind] = {}
@@ -327,7 +321,6 @@ class RigConstant(ErrorKind):
     """A constant of rig or body that is not as it is believed: a target that is itself a field of the errors."""
 
     name = "bias"
-    constant = True
 
     def __init_subclass__(cls) -> None:
         """Let each target perturb the field of its name."""
@@ -347,19 +340,37 @@ def kind_of(target: str, name: str) -> ErrorKind:
 
 
 def is_declared(target: str, kind: ErrorKind, declared: Iterable[tuple[str, str]]) -> bool:
-    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect."""
-    return any(kind.own_effects(target) & KINDS[pair].effects(pair[0]) for pair in declared)
+    """Return whether a source does what a kind does to a target: of this kind, or of another to the same effect.
+
+    Any noise is noise: noise with a memory ends the assumption of no white noise, but not the other way about.
+    """
+    effects: set[tuple[str, str]] = set()
+    for pair in declared:
+        other, channel = KINDS[pair], pair[0]
+        effects |= _effects(channel, other) | ({("white noise", channel)} if other.noise else set())
+    return bool(_effects(target, kind) & effects)
+
+
+def _effects(target: str, kind: ErrorKind) -> set[tuple[str, str]]:
+    """Effects of a kind: names of kinds, the field that it sets, or noise, each with a channel."""
+    noise = ("white noise" if kind.white else "noise with a memory") if kind.noise else None
+    marks = [kind.name, *kind.acts_as, kind.perturbs.get(target), noise]
+    return {(mark, channel) for mark in marks if mark for channel in CHANNELS.get(target, (target,))}
 
 
 def signal_variance(sources: Iterable[Source], signal: int | None) -> Float[np.ndarray, "3"]:
-    """Return the variance that sources add to a signal, an index in :data:`SIGNALS`, whatever the motion."""
-    return sum((s.error_kind.added_variance(s) for s in sources if s.signal == signal), np.zeros(3))
+    """Return the variance that white noise and biases add to a signal, an index in :data:`SIGNALS`, in any motion."""
+    added = [
+        s.variance if s.white else np.square(s.error_kind.value(s, np.sqrt(s.variance)))
+        for s in sources
+        if s.signal == signal and (s.white or s.perturbs in BIASES)
+    ]
+    return sum(added, np.zeros(3))
 
 
 def normal_noise_variance(sources: Iterable[Source], rate: float) -> Float[np.ndarray, "3"]:
     """Return the variance of normal white noise that sources of one signal add together, at a sample rate [Hz]."""
-    normal = (s for s in sources if s.noise and isinstance(s.shape, Normal))
-    variances = (s.error_kind.white_variance(s, rate) for s in normal)
+    variances = (s.white_variance(rate) for s in sources if s.noise and isinstance(s.shape, Normal))
     return sum((variance for variance in variances if variance is not None), np.zeros(3))
 
 

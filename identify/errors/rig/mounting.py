@@ -13,7 +13,7 @@ from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, 
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState, TrueMotion
 from identify.rigid_body.inertia import unpack
-from identify.rigid_body.rotation import exponentials
+from identify.rigid_body.rotation import exponential
 
 
 def _numbers(hertz: float) -> np.ndarray:
@@ -39,7 +39,7 @@ def act(state: RigState, flexibility: Numbers) -> RigState:
     about_q = true.inertia[[0, 3, 5]] + true.mass * (r @ r - r**2)
     moments = state.wrench[:, 3:] - state.wrench[:, 3:].mean(axis=0), *(w[:, 3:] for w in state.slopes("wrench", 2))
     angle, rate, acceleration = (-moment / about_q * flexibility for moment in moments)
-    turn = exponentials(angle)
+    turn = exponential(angle)
     to_body = lambda vectors: np.einsum("nji,nj->ni", turn, vectors)  # noqa: E731
     omega = to_body(true.omega)
     moved = replace(

@@ -108,6 +108,7 @@ def bound(
     model, prior = prepared(rows, np.asarray(gyro_noise) / np.sqrt(run.rate), run.accelerometer_position, setting)
     z = prior.coordinates({"inertia": np.asarray(body.inertia)})
     white = _whitener(body, noise, rows.factor, specific_force)
+    # Fisher's information of normal rows is XᵀX, and the prior's adds to it (Van Trees' Bayesian bound)
     covariance, by_prior = posterior(information(model, prior, white, z), prior)
     total = np.diag(covariance)
     shares = np.diag(by_prior) / np.where(total > 0, total, 1.0)

@@ -61,6 +61,7 @@ def tensor_at_delay(rows: InBand, turn: Float[np.ndarray, "3 3"], delay: float) 
     matrix = np.concatenate([tensor, lever, constant], axis=2).reshape(-1, 12)
     normal, right = matrix.T @ matrix, matrix.T @ moment.ravel()
     solution = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    # Pythagoras: |y|² - bᵀ x is what least squares leave, and no residual is formed at a delay that is only tried
     return DelayedTensor(delay, solution[:6], float((moment**2).sum() - right @ solution))
 
 

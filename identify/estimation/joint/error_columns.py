@@ -1,4 +1,4 @@
-"""Columns of an error of the rig: its effect on a run's residuals, a unit of each of its numbers, to first order.
+"""Columns of an error of the rig: derivatives of a run's residuals by each of its numbers.
 
 The derivative, at no error, of the load cell's reading less what the estimator predicts from the IMU's readings and
 from what it believes. The predicted wrench's derivatives by readings and beliefs are those of
@@ -56,6 +56,7 @@ class ErrorColumns:
         """Return the columns by letting the error act, though the joint model may have them in closed form."""
         parts = error.derivatives(self.rows)
         columns = parts.get("wrench", np.zeros((len(self.run.signals.t), 6, error.count)))
+        # measured less predicted: what is believed enters by the prediction, and so with the opposite sign
         for name in OF_BODY_AND_RIG:
             if name in parts:
                 columns = columns - self.run.derivative(name) @ parts[name]

@@ -63,6 +63,7 @@ def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transf
     """Return rows and columns of a run about z."""
     prediction = PredictedWrench(model, prior.theta(z))
     counted, transformed = prediction.counted, []
+    # chain rule ∂/∂z = ∂/∂θ root, unknown by unknown: what is exact has no root, and its derivative is never made
     for name in SIZES:
         root = prior.root[SLICES[name]]
         acting = root.any(axis=0)
@@ -100,6 +101,8 @@ def solve(
         at = linearised(model, prior, z, transform)
         columns, weight = at.columns.reshape(-1, len(z)), weights(at.columns)
         information = weight @ (columns.T @ columns)
+        # maximum a posteriori in coordinates whose prior is standard normal: a ridge of 1 (Tikhonov), of 0 where
+        # nothing is known
         normal = information + np.diag(prior.counted)
         change = np.linalg.solve(normal, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
         # a step in units of the posterior's standard uncertainties: scale-free, and small when nothing is left to gain
@@ -120,5 +123,6 @@ def information(
 def posterior(information: Float[np.ndarray, "free free"], prior: Prior) -> tuple[np.ndarray, np.ndarray]:
     """Return the covariance of the unknowns given samples and prior, and the prior's part of it, (count, count)."""
     root, precision = prior.root, np.diag(prior.counted)
+    # G = (I + P)⁻¹; z follows the prior's mean by G P, whose covariance is P⁻¹: hence G P P⁻¹ P G, the prior's part
     inverse = np.linalg.inv(information + precision)
     return root @ inverse @ root.T, root @ inverse @ precision @ inverse @ root.T

@@ -1,4 +1,4 @@
-"""The joint model: all that a run may leave unknown, and what the model takes as known.
+"""The joint model: the unknowns of a run, and what is taken as known.
 
 Rows are (4) and (5) at the load cell's instants, with the motion of the IMU taken ``delay`` later and turned into the
 load cell's frame. The specific force f at the centre of gravity comes from one of three:

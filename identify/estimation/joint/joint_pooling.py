@@ -30,7 +30,7 @@ class PooledJoint(NamedTuple):
     from_prior: np.ndarray
     """Part of ``covariance`` that the errors of the prior cause, (count, count)."""
     from_mountings: np.ndarray
-    """Part of ``covariance`` that unknowns cause which each mounting draws, by their prior, (count, count)."""
+    """Part of ``covariance`` by the prior of unknowns that each mounting draws, (count, count)."""
     scatter: float
     """Ratio of the scatter between runs, or mountings, to that which their noise predicts; 1 for a single one."""
     degrees_of_freedom: float
@@ -102,6 +102,7 @@ def pool(runs: Sequence[SolvedRun], shared: Iterable[str], drawn_by_mounting: It
         from_prior=carried @ inverse @ precision @ inverse @ carried.T,
         from_mountings=scatter**2 * np.sum([change.T @ change for change in by_drawn], axis=0),
         scatter=scatter, degrees_of_freedom=freedom,
+        # z follows the prior's mean m by (I + P)⁻¹ P root⁺ m
         by_prior=carried @ inverse @ precision @ np.linalg.pinv(root)[common],
         shared=common, information=total, right=right[:, 0],
     )  # fmt: skip
@@ -132,7 +133,7 @@ class _Cluster:
         return places
 
     def others(self, number: int) -> np.ndarray:
-        """Places of a run's coordinates that not all share, behind those that all do."""
+        """Places of the coordinates of a run that are not common to all runs, counted after those that are."""
         return self.places(number)[~self.common] - self.common.sum()
 
     def values(self, number: int, shared: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -146,6 +147,7 @@ class _Cluster:
         for number, run in enumerate(self.runs):
             places, data, counted = self.places(number), run.information, run.prior.counted
             normal[np.ix_(places, places)] += data
+            # a run's solution satisfies its own equations, so that these are had from it without its samples
             right[places, 0] += (data + np.diag(counted)) @ run.z
             precision[places] = np.where(self.common, 0.0, counted)
         return eliminated(normal + np.diag(precision), right, np.arange(size) < self.common.sum())

@@ -135,13 +135,14 @@ def _rows(
     rows.append(Row(error="drawn by mounting", changes=root_of(from_mountings)))
     rows = [row for row in rows if row.changes.any()]
     total = pooled.covariance[np.ix_(indices(TEN), indices(TEN))]
+    # what the priors do not make of the posterior is the residuals': so the rows add up to the whole
     remaining = root_of(total - Ledger(tuple(rows)).covariance, total)
     residuals = Row(error=RESIDUALS, changes=remaining, tier="measured", evaluation="A")
     return [residuals, *rows]
 
 
 def _lasting_rows(pooled: PooledJoint, setting: Setting, effects: Mapping[str, np.ndarray]) -> list[Row]:
-    """Rows of errors that the static poses had, too, and that are the same in another body's result."""
+    """Rows of errors that act in the static poses as well, and are the same in another body's result."""
     by_static = pooled.by_prior[np.ix_(indices(TEN), indices(STATIC))]
     columns: dict[str, list[np.ndarray]] = {}
     for label, effect in setting.lasting.items():
@@ -186,6 +187,7 @@ def _bias(runs: Sequence[JointRun], pooled: PooledJoint) -> np.ndarray:
     their derivatives, so that their product has an expectation: errors in variables.
     """
     score = np.sum([_noise_score(run, theta) for run, theta in zip(runs, pooled.theta, strict=True)], axis=0)
+    # one step of Newton from the mean gradient, which without noise of alpha is zero
     return -pooled.covariance / pooled.scatter**2 @ score
 
 
@@ -195,6 +197,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     variance = run.gyro_noise**2 * alpha_noise_gain(run.run.rate, rows)
     weight = np.linalg.inv(run.noise / rows.factor)
     matrix = _by_alpha(run.model, theta)
+    # Σ_a Var(α_a) (∂A/∂θ)_aᵀ W A_a: derivative and residual hold the same noise
     slope = np.stack([(_by_alpha(run.model, theta + step) - _by_alpha(run.model, theta - step)) / (2 * STEP)
                       for step in STEP * np.eye(len(theta))], axis=-1)  # fmt: skip
     score = float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
@@ -203,7 +206,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
 
 
 STEP = 1e-5
-"""Difference of an unknown, in SI, of whose numbers the prediction is nearly a polynomial of third degree."""
+"""Step of central differences, in SI: the prediction is nearly a cubic in each unknown."""
 
 
 def _by_alpha(model: Model, theta: np.ndarray) -> Float[np.ndarray, "rows 3"]:

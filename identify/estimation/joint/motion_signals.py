@@ -15,7 +15,6 @@ from identify.rigid_body.rotation import (
     closest_rotation,
     cumulative_product,
     exponential,
-    exponentials,
     rate_of_turn,
     rotation_vectors,
 )
@@ -78,6 +77,8 @@ class MotionSignals:
     def slow_basis(self, t: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k terms"]:
         """Return one, time from the middle, and the rates of the Karhunen–Loève terms of a random walk over the run."""
         duration = self.model.rows.duration
+        # a Wiener process over T is Σ ξ_k √(2/T) sin(κ_k t)/κ_k, κ_k = (k + ½) π/T, of independent ξ_k; its first terms
+        # hold most of it
         half_waves = (np.arange(WANDER) + 0.5) * np.pi / duration
         walk = np.sqrt(2 / duration) * np.cos(np.outer(t, half_waves))
         return np.column_stack([np.ones(len(t)), t - duration / 2, walk])
@@ -154,7 +155,7 @@ class MotionSignals:
     def _turns(self, start: Float[np.ndarray, " k"], step: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3 3"]:
         """Rotations over some steps: fourth-order Magnus steps on two Gauss points each."""
         first, second = (self.rate_at(start + (0.5 + sign * GAUSS) * step) for sign in (-1, 1))
-        return exponentials(magnus_turn(first, second, step))
+        return exponential(magnus_turn(first, second, step))
 
     @cached_property
     def attitude_at_nodes(self) -> Float[np.ndarray, "nodes 3 3"]:
@@ -213,9 +214,12 @@ class MotionSignals:
         slope = self.attitude_at_nodes @ rate
         step = self.model.rows.step
         outer = np.concatenate([2 * slope[:1] - slope[1:2], slope, 2 * slope[-1:] - slope[-2:-1]])
+        # the integral of the cubic through four nodes, h/24 (-1, 13, 13, -1); at the ends through a node that is
+        # extrapolated
         cells = step / 24 * (13 * (outer[1:-2] + outer[2:-1]) - outer[:-3] - outer[3:])
         integral = np.concatenate([np.zeros_like(slope[:1]), np.cumsum(cells, axis=0)])
         u = (self.since / step)[:, None, None]
+        # Hermite's basis: values and slopes at both ends of a cell
         weights = (2 * u**3 - 3 * u**2 + 1, 3 * u**2 - 2 * u**3, step * (u**3 - 2 * u**2 + u), step * (u**3 - u**2))
         ends = (integral[self.cell], integral[self.cell + 1], slope[self.cell], slope[self.cell + 1])
         turned = sum(weight * end for weight, end in zip(weights, ends, strict=True))

@@ -54,6 +54,8 @@ class NoiseSpectrum:
         basis = inside @ (scale[:, None] * vectors / root)  # orthonormal over all lines
         excess = products(basis, self.values @ basis - basis)
         identity = np.eye(len(root))
+        # I J⁻¹ - 1 in that basis; back in the columns' own it is a change of the unit matrix, small where the noise is
+        # white
         middle = np.linalg.inv(identity + (excess + excess.T) / 2) - identity
         change = (vectors * root) @ middle @ (vectors / root).T
         return np.asarray(np.eye(len(scale)) + change * scale / scale[:, None])

@@ -145,6 +145,7 @@ class PredictedWrench:
         s, x = self.signals, self.x
         tensor, by_arm = unpack(x["inertia"]), cross_matrix(self.arm)
         momentum, centripetal = cross_matrices(s.omega @ tensor), cross_matrices(np.cross(s.omega, self.arm))
+        # d(ω × (ω × ρ)) = -([ω]× [ρ]× + [ω × ρ]×) dω, and below d(ω × I ω) = ([ω]× I - [I ω]×) dω
         force, about_q = -x["mass"] * (s.spin @ by_arm + centripetal), cross_matrix(x["r_cg"])
         by_omega = np.concatenate([force, s.spin @ tensor - momentum + about_q @ force], axis=1)
         return by_omega, np.concatenate([-x["mass"] * by_arm, tensor - x["mass"] * about_q @ by_arm])
@@ -195,10 +196,13 @@ class PredictedWrench:
             turning = -np.eye(3) * (s.rate_at(s.nodes) / s.scale)[:, None] if still else None
             return self.changed(omega, alpha, zero, turning=turning)
         if name == "rotation":
+            # a turn δ of B changes every vector v read by the IMU by δ × v = -[v]× δ; the left Jacobian takes the
+            # rotation vector's numbers to δ
             changes = -s.spin, -cross_matrices(s.alpha), -cross_matrices(self.at_known_point)
             return self.changed(*changes) @ s.turned_by_rotation
         if name == "delay":
             read = self.force_from == "accelerometer"
+            # signals of an instant later: their time derivatives; those of the upward direction u are u × ω
             omega = s.rate_at(s.late) @ s.turn.T  # with the slow errors of then, as they turn the attitude
             slope = s.accelerometer_slope if read else np.cross(self.at_known_point, omega)
             return self.changed(s.rate_slope[:, :, None], s.jerk[:, :, None], slope[:, :, None])

@@ -130,7 +130,7 @@ def linked(
     errors: Mapping[str, ConstantError],
     static_effects: Mapping[str, np.ndarray],
 ) -> dict[tuple[str, ...], PriorBlock]:
-    """Return the prior with the errors that have made the static calibration wrong correlated with it.
+    """Return the prior in which the static calibration is correlated with the errors that act on it.
 
     Where such an error is ``e``, the calibration is off by its effect, so that truth less prior mean is ``e`` for the
     error and minus the effect for what was calibrated.
@@ -151,6 +151,7 @@ def linked(
     fixed = np.arange(len(blocks[STATIC].mean))
     for name, parts in both.items():
         for unknown, axis in parts:
+            # truth less prior mean is e for the error and -K e for what was calibrated: Cov = -K Σ, axis by axis
             here, cross = places_in(names, [unknown]), -np.outer(static_effects[name], axis)
             covariance[np.ix_(fixed, here)] += cross
             covariance[np.ix_(here, fixed)] += cross.T
@@ -188,7 +189,7 @@ def calibrated(blocks: Mapping[tuple[str, ...], PriorBlock]) -> bool:
 
 @dataclass(frozen=True)
 class Setting:
-    """Everything that a joint estimate is given beside the runs."""
+    """Priors and options of a joint estimate."""
 
     blocks: Mapping[tuple[str, ...], PriorBlock]
     """Mean and covariance of mass, r_CG, offsets of force and moment; what is correlated, in one block."""
@@ -206,7 +207,7 @@ class Setting:
     errors: Mapping[str, ConstantError] = field(default_factory=dict)
     """Declared constant errors by the name of their source; ``blocks`` hold them too."""
     drawn_by_mounting: frozenset[str] = frozenset()
-    """Unknowns that are others in each mounting."""
+    """Unknowns that each mounting draws independently."""
     lasting: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Errors of the static calibration that are the same in another body's result, by name, in the order of
     ``STATIC``."""
@@ -267,11 +268,12 @@ def run_prior(setting: Setting, gyro_density: np.ndarray) -> Prior:
         where = indices(names)
         mean[where] = block.mean
         spread[np.ix_(where, where)] = root_of(block.covariance)
+    # θ = mean + root z: what is exact has no column, so that it is no unknown of the search either
     free = np.flatnonzero(np.abs(spread).max(axis=0) > 0)
     counted = 1.0 - np.isin(free, indices(setting.flat))
     return Prior(mean, spread[:, free], counted)
 
 
 def indices(names: Iterable[str]) -> np.ndarray:
-    """Return the places of some unknowns among all."""
+    """Return the indices of named unknowns in the vector of all."""
     return np.concatenate([np.zeros(0, int), *(np.arange(COUNT)[SLICES[name]] for name in names)])

@@ -87,6 +87,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     try:
         first = solve(model, prior, search_start(model, prior, setting), whitening(noise), tolerance=ROUGH)
         _check(run.name, model, prior, first)
+        # a step of iteratively reweighted least squares: weights from the residuals of the first solution
         noise = residual_noise(first, prior, model)
         transform, spectrum = _coloured(first, prior, model, whitener(noise))
         fit = solve(model, prior, first.z, transform, weights=spectrum.weights)
@@ -101,7 +102,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
 
 
 def _coloured(fit: RunSolution, prior: Prior, model: Model, white: np.ndarray) -> tuple[Transform, NoiseSpectrum]:
-    """Return the transform of rows to whitened lines, and the spectrum of what a solution leaves on them."""
+    """Return the transform of rows to whitened lines, and the spectrum of a solution's residuals on them."""
     lines = Lines.of(unbroken(np.flatnonzero(model.used)), 1 / model.rows.interval)
 
     def transform(rows: np.ndarray) -> np.ndarray:
@@ -118,6 +119,8 @@ def _coloured(fit: RunSolution, prior: Prior, model: Model, white: np.ndarray) -
 def _freedom(fit: RunSolution, prior: Prior, columns: np.ndarray, spectrum: NoiseSpectrum) -> float:
     """Effective degrees of freedom of the tensor's variances by the noise, of which the residuals tell the level."""
     covariance = np.linalg.inv(fit.information + np.diag(prior.counted))
+    # estimates are gainᵀ Xᵀ r: their variance is a sum over lines, whose effective number Satterthwaite's formula
+    # tells
     gain = fit.weights.T @ covariance @ prior.root[SLICES["inertia"]].T
     return float(np.mean(spectrum.degrees_of_freedom(columns, gain)))
 
@@ -156,6 +159,7 @@ def _check_excitation(run: Run, model: Model, setting: Setting, gyro_noise: np.n
 def alpha_noise_gain(rate: float, rows: InBand) -> float:
     """Return the variance of a row's alpha over that of a sample of the angular velocity, its noise white [s⁻²]."""
     taps = low_pass(rate, rows.band, rows.factor)
+    # α of decimated rows is the derivative of the low-passed signal: white noise behind the taps' own derivative
     slope = np.gradient(taps) * rate if len(taps) > 1 else np.array([rate / 2] * 2)
     return float((slope**2).sum())
 
@@ -191,8 +195,10 @@ def residual_noise(fit: RunSolution, prior: Prior, model: Model) -> np.ndarray:
     share = min(2 * PASSED * model.rows.band * model.rows.interval, 1.0)
     bins = max(int(share * (spectrum.shape[1] - 1)), 1)
     inside = spectrum[:, 1 : bins + 1]
+    # trace of the hat matrix: the effective number of unknowns, less than their number where priors hold them
     taken = np.trace(np.linalg.solve(fit.information + np.diag(prior.counted), fit.information))
     freedom = max(2 * inside.size - float(taken), 1.0) / (2 * inside.size)
+    # Parseval: mean squares of the lines in the band are the noise's density there
     level = (inside @ inside.conj().T).real / (bins * float(model.rows.used.sum())) / freedom
     level = level + least_noise(model)
     return level if model.specific_force != "still" else np.diag(np.diag(level))
@@ -231,6 +237,7 @@ def _raw_noise(run: Run, model: Model, prior: Prior) -> np.ndarray:
         return np.diag(level[1] ** 2) + arm * level[0] ** 2 @ arm.T
     assert run.specific_force is not None  # noqa: S101 - the choice of the model says so
     accelerometer = np.maximum(run.white_noise(run.specific_force), 1e-6)
+    # noise a of the accelerometer enters force and moment together, as m a and r × m a: C + L σ² Lᵀ
     lever = float(mean[SLICES["mass"]][0]) * np.concatenate([np.eye(3), arm])
     return np.diag(np.concatenate(level) ** 2) + lever * accelerometer**2 @ lever.T
 
@@ -247,7 +254,7 @@ def search_start(model: Model, prior: Prior, setting: Setting) -> np.ndarray:
 
 
 def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.ndarray:
-    """Return the gyro's bias by which gravity turns as the force does.
+    """Return the gyro's bias with which gravity, in the IMU's axes, turns as the force does.
 
     The integral of ``γ' + omega × γ = bias × γ``, γ = F/|F|.
     """
@@ -255,10 +262,12 @@ def start_bias(model: Model, to_imu: np.ndarray, alignment: Alignment) -> np.nda
     up = to_imu @ rows.force
     up = (up / np.linalg.norm(up, axis=0)).T
     omega = motion_at_delay(rows, alignment.delay)[0][:3].T
+    # integrated, not differentiated: the force's noise would grow with its derivative
     integral = rows.interval * np.cumsum(np.cross(omega, up), axis=0)
     turned = -rows.interval * np.cumsum(cross_matrices(up), axis=0)
     matrix = np.concatenate([turned, np.broadcast_to(np.eye(3), turned.shape)], axis=2).reshape(-1, 6)
     sigma = np.maximum(np.broadcast_to(alignment.sigma_gyro_bias, 3), 1e-9)
+    # the declared zero as a prior, in units of a direction's noise of 0.01; the constants of integration have none
     ridge = np.diag(np.concatenate([(0.01 / sigma) ** 2, np.zeros(3)]))
     return np.linalg.solve(matrix.T @ matrix + ridge, matrix.T @ (up + integral).ravel())[:3]
 
@@ -267,5 +276,6 @@ def start_up(model: Model, to_imu: np.ndarray, bias: np.ndarray) -> np.ndarray:
     """Return the direction opposite to gravity at the first node: the mean of the force, turned back to it."""
     signals = MotionSignals(model, {**unknowns(np.zeros(COUNT)), "gyro_bias": bias})
     attitude = signals.attitude_at_nodes[model.rows.at_rows]
+    # at rest the force is the weight at every sample: turned back to the start, its mean points up
     mean = np.einsum("nij,jn->i", attitude, to_imu @ model.rows.force)
     return mean / np.linalg.norm(mean)

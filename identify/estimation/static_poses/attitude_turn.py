@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from identify.display.rounding import with_uncertainty
 from identify.rigid_body.regressor import cross_matrices
-from identify.rigid_body.rotation import exponentials, rotation_vectors
+from identify.rigid_body.rotation import exponential, rotation_vectors
 
 LEAST_POSES = 6
 LEAST_TURN = np.radians(0.5)
@@ -28,7 +28,7 @@ class Turn(NamedTuple):
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """Matrix of the rotation."""
-        return exponentials(self.vector[None])[0]
+        return exponential(self.vector)
 
     def __str__(self) -> str:
         pairs = zip(np.degrees(self.vector), np.degrees(self.standard_uncertainty), strict=True)
@@ -64,7 +64,7 @@ def attitude_turn(
         if freedom < 1 or np.linalg.matrix_rank(rows) < rows.shape[1]:
             return None
         fitted = np.linalg.lstsq(rows, force.reshape(-1), rcond=None)[0]
-        turn = exponentials(fitted[None, 1:4] / fitted[0])[0] @ turn
+        turn = exponential(fitted[1:4] / fitted[0]) @ turn
     variance = (_square(rows, force) + ROUNDING**2 * float(np.square(force).sum())) / freedom
     spread = np.sqrt(variance * np.diag(np.linalg.inv(rows.T @ rows))[1:4]) / abs(fitted[0])
     shown = scipy.special.fdtrc(3, freedom, (before - _square(rows, force)) / 3 / variance) < CHANCE

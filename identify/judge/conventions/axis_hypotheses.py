@@ -20,7 +20,7 @@ from identify.judge.conventions.convention_fit import (
     ConventionSums,
     Terms,
 )
-from identify.rigid_body.rotation import exponential, exponentials, rotation_vectors
+from identify.rigid_body.rotation import exponential, rotation_vectors
 
 COSTS = {
     "reversed": 4.0, "accelerometer reversed": 6.0, "turned": 8.0, "turned and reversed": 12.0, "left-handed IMU": 14.0,
@@ -233,7 +233,7 @@ def derivatives(sums: ConventionSums, given: Scales) -> tuple[Float[np.ndarray, 
     """Gradient and Hessian of chi-square by the rotation vector, by central differences."""
     unit, pairs, step = np.eye(3), [(i, j) for i in range(3) for j in range(i)], DIFFERENCE
     turns = np.array([np.zeros(3), *unit, *(unit[i] + unit[j] for i, j in pairs)])
-    both_ways = sums.turned(imu=exponentials(step * np.concatenate([turns, -turns])))
+    both_ways = sums.turned(imu=exponential(step * np.concatenate([turns, -turns])))
     forth, back = chi_square(both_ways, given, admissible=False).reshape(2, -1)
     plus, minus, middle = forth[1:4], back[1:4], forth[0]
     single = plus + minus - 2 * middle

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from identify.rigid_body.rotation import cumulative_product, exponentials
+from identify.rigid_body.rotation import cumulative_product, exponential
 from identify.signals.filters import moving_average
 
 RECALL = 20.0
@@ -23,7 +23,7 @@ def carried_gravity(
 
 def carried_by_gyro(step: float, omega: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
     """Rotations from B at each sample to B at the first, ``step`` apart [s]."""
-    return cumulative_product(exponentials(np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])))
+    return cumulative_product(exponential(np.concatenate([np.zeros((1, 3)), step / 2 * (omega[1:] + omega[:-1])])))
 
 
 def carried_attitude(

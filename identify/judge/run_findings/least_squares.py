@@ -23,7 +23,7 @@ Look for a wrong r_CG, a cable, cross-talk of the load cell or a flexible mounti
 import numpy as np
 
 from identify.display.rounding import significant
-from identify.judge.evidence import Base, spectrum
+from identify.judge.evidence import NullModel, spectrum
 from identify.judge.findings import Finding, signed
 from identify.judge.run_fit import RunFit
 from identify.least_squares.hausman import EstimateDifference
@@ -66,7 +66,7 @@ def least_squares_cause(apart: EstimateDifference, run: str) -> ResidualCause:
     return differ.verdict(axis="", share=0.0)
 
 
-def least_squares_difference(fit: RunFit, base: Base, no_news: np.ndarray) -> EstimateDifference:
+def least_squares_difference(fit: RunFit, base: NullModel, no_news: np.ndarray) -> EstimateDifference:
     """Return by how much ordinary least squares of the moment about r_CG differ from a run's fit.
 
     Args:
@@ -85,6 +85,6 @@ def least_squares_difference(fit: RunFit, base: Base, no_news: np.ndarray) -> Es
     gain = np.einsum("mkp,ki->mip", rows[:, -3:], about_cg @ back) @ inverse
     value = np.einsum("miq,mi->q", gain, residuals)
     noise = gain * np.sqrt(spectrum(residuals, 1 - base.leverage[0]))[:, :, None]
-    taken = products(gain, gain) - products(gain, base.beside([gain]).remaining[0])
+    taken = products(gain, gain) - products(gain, base.project_out([gain]).remaining[0])
     values, vectors = np.linalg.eigh(products(noise, noise) - taken)
     return EstimateDifference(value, (vectors * np.maximum(values, 0.0)) @ vectors.T + np.diag(no_news**2))

@@ -25,6 +25,13 @@ def test_exponential_is_scipys_also_near_zero(generator):
         np.testing.assert_allclose(exponential(jnp.asarray(turn)), Rotation.from_rotvec(turn).as_matrix(), atol=1e-14)
 
 
+def test_one_exponential_is_that_of_many_vectors_in_numpy(generator):
+    """Along any leading axes, each with its own branch: a tiny turn beside a large one."""
+    turns = generator.normal(size=(3, 4, 3)) * np.array([1e-9, 1e-5, 1e-3, 2.0])[:, None]
+    expected = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(3, 4, 3, 3)
+    np.testing.assert_allclose(exponential(turns), expected, atol=1e-14)
+
+
 def test_a_trajectory_of_ones_own_has_no_amplitude_and_says_what_to_do():
     """It needs nothing but its angular velocity; size and band are asked of it only by a rehearsal or a design."""
 

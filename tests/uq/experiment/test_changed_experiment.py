@@ -119,7 +119,7 @@ def test_an_experiment_shows_itself_in_units(brief):
 
 
 def test_values_that_are_not_the_files_are_shown_in_si(brief):
-    sources = tuple(each.error_kind.resized(each, 2.0) for each in brief.sources)
+    sources = tuple(each.resized(2.0) for each in brief.sources)
     text = repr(dataclasses.replace(brief, sources=sources))
     assert text.startswith(f"Experiment {EXPERIMENTS / 't1-10s.toml'}, changed\n")
     assert "0.000300, 0.000260, 0.000320 m" in text  # twice 0.15, 0.13, 0.16 mm

@@ -62,7 +62,7 @@ LEVELS = np.geomspace(0.1, 2.0, 100)
 
 def only(experiment, name, factor):
     """The same experiment with one source's errors times a factor."""
-    sources = tuple(s.error_kind.resized(s, factor) if s.name == name else s for s in experiment.sources)
+    sources = tuple(s.resized(factor) if s.name == name else s for s in experiment.sources)
     return dataclasses.replace(experiment, sources=sources)
 
 

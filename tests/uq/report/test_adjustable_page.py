@@ -60,7 +60,7 @@ def test_a_typed_figure_changes_the_rows(browser, brief):
     took = delays(browser, typed)
     assert len(took) == 9
     assert took[4] < 100, took  # ms, the median, since the machine may be busy
-    quieter = tuple(s.error_kind.resized(s, 0.5) if s.name == "omega_precision" else s for s in brief.sources)
+    quieter = tuple(s.resized(0.5) if s.name == "omega_precision" else s for s in brief.sources)
     total = law(dataclasses.replace(brief, sources=quieter), ["T1", "T3"])["T1", "central"].total
     spread, mean = shown(browser, 0)
     np.testing.assert_allclose(spread, 1e3 * total.three_sigma, rtol=1e-2)

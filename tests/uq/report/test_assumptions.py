@@ -15,6 +15,7 @@ from uq.report.assumptions import source_assumptions
 from uq.sources.distributions import Empirical, Rectangular, StudentT
 from uq.sources.draws import Mixing
 from uq.sources.kinds.scale import Scale
+from uq.sources.noise_filters import WALK, NoisePart
 from uq.sources.recorded_kinds import ErrorByAct
 from uq.sources.source import KINDS, ErrorKind, Source
 
@@ -105,6 +106,9 @@ def kinds():
 
     class Humming(ErrorKind):
         name, targets, noise = "humming", {"M": "N*m"}, True
+
+        def noise_parts(self, source, rate):
+            return [NoisePart(WALK, np.ones(3))]
 
     class Rusty(ErrorKind):
         name, targets, constant, absence = "rusty", {"wrench": "N"}, True, "rust does not stiffen the {}"

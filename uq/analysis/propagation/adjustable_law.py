@@ -84,7 +84,7 @@ class Contributions(NamedTuple):
     rest: np.ndarray
     """Mean error that is no random source's: estimators, components."""
     joint: list[tuple[int, int, np.ndarray]]
-    """Two sources and, by estimator, what both do beyond each alone: with ``s_i s_j`` in the variance, with its square
+    """Two sources and, by estimator, their interaction: with ``s_i s_j`` in the variance, with its square
     there, with ``s_i s_j`` in the mean."""
 
     def by_noise(self) -> tuple[np.ndarray, np.ndarray]:
@@ -151,6 +151,7 @@ def _alone(
     none = np.zeros_like(covariance[:1])
     constants_alone, gyro_alone = propagate_case(about, covariance, cell), propagate_case(about, none, scatter)
     together = propagate_case(about, covariance, cell + scatter)
+    # polarisation: what a source and the gyro's noise make together, less what each makes alone
     crossed = _diagonal(together.covariance - constants_alone.covariance - gyro_alone.covariance)
     first = _diagonal(constants_alone.first_order)
     return _Alone(
@@ -169,6 +170,8 @@ def _joint(
     about = Expansion(*(leaf[:, None] for leaf in expansion))
     cell = run.cell_scatter(noise.mean[:, None], inputs.wrench)
     moments = propagate_case(about, constants.covariance(inputs.acts), cell)
+    # J Σ Jᵀ goes with the square of a factor on σ, ½ tr(H Σ H Σ) with its fourth power, ½ tr(H Σ) with its square, so
+    # that a page computes the law for any factors
     first = _diagonal(moments.first_order)
     effects = np.stack([first, _diagonal(moments.covariance) - first, moments.mean - about.value], axis=2)
     n = effects.shape[1] - len(both)

@@ -42,6 +42,7 @@ class Series(NamedTuple):
         """Return the product with a matrix that is constant, or depends on the same numbers."""
         if not isinstance(other, Series):
             return Series(*(part @ other for part in self))
+        # Leibniz: (A B)_ij = A_ij B + A_i B_j + A_j B_i + A B_ij
         crossed = self.first[:, None] @ other.first
         return Series(
             self.value @ other.value,
@@ -114,6 +115,7 @@ def map_series(
         first, value = jax.jacfwd(maps, has_aux=True)(numbers)
         return first, (first, value)
 
+    # forward over forward: the numbers are few, the entries of the maps many; value and slope come along
     second, (first, value) = jax.jacfwd(slopes, has_aux=True)(jnp.zeros(errors.shape[1]))
     leading = lambda derivative, order: jnp.moveaxis(derivative, range(-order, 0), range(order))  # noqa: E731
     return ErrorMaps(*(Series(a, leading(b, 1), leading(c, 2)) for a, b, c in zip(value, first, second, strict=True)))
@@ -210,10 +212,12 @@ def propagate_case(
     """
     mean, first, second = expansion.value, np.zeros(()), np.zeros(())
     _, *derivatives = expansion
+    # GUM 5.1.2 and its note, for the constant errors, then for the sums: both are independent, so that their parts add
     for jacobian, hessian, sigma in zip(derivatives[::2], derivatives[1::2], (covariance, scatter), strict=True):
         curved = hessian @ sigma[..., None, :, :]
         mean = mean + 0.5 * np.trace(curved, axis1=-2, axis2=-1)
         first = first + jacobian @ sigma @ jacobian.swapaxes(-1, -2)
+        # tr(A B) = Σ_kl A_kl B_lk: one product of flattened matrices for all pairs of components
         second = second + 0.5 * _flat(curved) @ _flat(curved.swapaxes(-1, -2)).swapaxes(-1, -2)
     if change is not None:
         mean = mean + (expansion.by_equations @ change[..., None])[..., 0]

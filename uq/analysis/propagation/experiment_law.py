@@ -140,8 +140,10 @@ def _of_run(run: PreparedRun, constants: Constants, cases: CaseInputs) -> tuple[
     )
     noise = stacked([run.scatter(variance) for variance in cases.gyro], axis=1)
     covariance = constants.covariance(cases.acts)
+    # about the expected sums, in which the squares of the noise stand exactly
     moments = propagate_case(at, covariance, noise.covariance + run.cell_scatter(noise.mean, cases.wrench))
     linear = noise.linear + run.cell_scatter(noise.noise_free, cases.wrench)
+    # about the noise-free run, as a textbook does it: beside the law, to show what that leaves out
     textbook = propagate_case(free, covariance, linear, noise.change)
     uncertainty, degrees = _freedom(constants, at.jacobian, covariance, moments.covariance)
     nominal = run.body.inertia
@@ -156,10 +158,12 @@ def _freedom(
     total: Float[np.ndarray, "... 6 6"],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the GUM's standard uncertainty and its effective degrees of freedom (Welch and Satterthwaite, G.4)."""
+    # J_s Σ_st J_t, number by number, so that those with shared degrees of freedom can be added before they are squared
     terms = jacobian[..., :, None] * covariance[..., None, :, :] * jacobian[..., None, :]
     gum_terms = terms * np.outer(constants.gum_ratio, constants.gum_ratio)
     squares = np.einsum("si,...aij,sj->...as", constants.joint, gum_terms, constants.joint)
     total_variance = np.diagonal(total, axis1=-2, axis2=-1)
+    # Student's t enters with its scale (GUM 4.2.3), smaller than its standard deviation
     variance = np.maximum(total_variance - np.sum(terms - gum_terms, axis=(-1, -2)), 0)
     freedom = np.min(np.where(constants.joint > 0, constants.freedom, np.inf), axis=1, initial=np.inf)
     denominator = np.sum(squares**2 / freedom, axis=-1)

@@ -62,6 +62,7 @@ def constants_of(sources: Sequence[Source], mixing: Sequence[Mixing]) -> Constan
         values = [np.broadcast_to(np.asarray(figure(s), float), np.shape(s.sigma)).ravel() for s in constant]
         return np.concatenate([np.zeros(0), *values])
 
+    # Student's t of scale 1 has the standard deviation √(ν/(ν - 2)), of which the GUM takes the 1
     gum_ratio = lambda s: 1 / s.shape.standard_deviation if isinstance(s.shape, StudentT) else 1.0  # noqa: E731
     owner = np.repeat(np.arange(len(constant)), sizes)
     sets = np.where(of_numbers(_rows) > 0, owner, len(constant) + np.arange(len(owner)))
@@ -124,10 +125,12 @@ def inputs_of_cases(
         (:func:`uq.analysis.propagation.uncovered_sources.beyond_the_law`).
     """
     check_law(sources, mixing, peaks)
-    white = [(s, variance) for s in sources if (variance := s.error_kind.white_variance(s, rate)) is not None]
+    white = [(s, variance) for s in sources if (variance := s.white_variance(rate)) is not None]
     noisy = [source for source, _ in white]
     sigma = np.sqrt(np.concatenate([np.zeros(0), *(variance for _, variance in white)]))
     signals = np.hstack([np.zeros((9, 0)), *(np.eye(9, 3, -3 * SIGNALS.index(source.target)) for source in noisy)])
+    # D ρ Dᵀ, D the standard deviations of the sources that act on each signal: independent noises add, correlated ones
+    # cross
     drawn = signals * (sigma * _acting(cases, np.repeat([source.name for source in noisy], 3)))[:, None]
     summed = drawn @ _correlation(noisy, np.full(len(noisy), 3), mixing) @ drawn.swapaxes(1, 2)
     gyro = np.diagonal(summed, axis1=1, axis2=2)[:, 6:]

@@ -111,6 +111,7 @@ def expand(function: Callable[[Array], Array], size: int) -> ModelExpansion:
 
     def shift(z):
         def curvature(direction):
+            # zᵀ H z of one direction by forward over forward, so that the shift itself can be differentiated once more
             return jax.jvp(lambda y: jax.jvp(flat, (y,), (direction,))[1], (z,), (direction,))[1]
 
         return 0.5 * jnp.sum(jax.vmap(curvature)(directions), axis=0)
@@ -152,6 +153,7 @@ def propagate(model: Model, inputs: Mapping[str, Input]) -> LinearLaw:
     means = {name: jnp.broadcast_to(jnp.asarray(given.mean, float), _shape(given)) for name, given in inputs.items()}
     roots = {name: jnp.asarray(_root(name, given)) for name, given in inputs.items()}
     expansion = jax.tree.map(np.asarray, _expand(model, means, roots))
+    # over standardised coordinates Σ is the unit matrix, so that J Σ Jᵀ (GUM 5.1.2) is a sum over the inputs
     blocks = np.split(expansion.jacobian, np.cumsum([root.shape[1] for root in roots.values()])[:-1], axis=1)
     contributions = {name: block @ block.T for name, block in zip(inputs, blocks, strict=True)}
     first = expansion.jacobian @ expansion.jacobian.T

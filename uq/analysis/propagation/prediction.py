@@ -106,6 +106,7 @@ class Prediction(Pytree):
         weights = jnp.broadcast_to(jnp.asarray(samples), motion.t.shape)
         rows = jax.vmap(omega_r, in_axes=(1, 1))(motion.omega, motion.alpha)
         inverse = jnp.linalg.inv(jnp.einsum("n,nij,nik->jk", weights, rows, rows))
+        # sandwich (ΩᵀΩ)⁻¹ Ωᵀ C Ω (ΩᵀΩ)⁻¹: least squares with equal weights, whatever the noise's covariance C
         noise = inverse @ (self._of_cell(rows, weights) + self._of_gyro(motion, jerk, weights)) @ inverse
         sums, omega_noise = self._sums(motion, jerk, weights), jnp.diag(self.gyro)
         expectation = noise_expectation(omega_noise, jnp.square(jnp.asarray(gain, float)) * omega_noise)
@@ -119,6 +120,7 @@ class Prediction(Pytree):
             jax.vmap(estimate)(jnp.concatenate([jnp.zeros_like(self.expected)[None], there, -there])),
             [1, 1 + len(there)],
         )
+        # steps of one standard deviation: slopes are columns of J root(Σ), and curvatures add up to tr(H Σ)
         slope, curvature = (more - less) / 2, more + less - 2 * value
         return Predicted(value[0] + curvature.sum(axis=0) / 2 - self.body.inertia, noise + slope.T @ slope)
 
@@ -139,6 +141,7 @@ class Prediction(Pytree):
         def of_instant(omega, alpha, jerk):
             rows, slope = jax.jvp(omega_r, (omega, alpha), (alpha, jerk))
             by_omega = jax.jacfwd(lambda w: omega_r(w, alpha) @ inertia)(omega)
+            # Abel: Σ Ωᵀ I n′ = -Σ (Ωᵀ)′ I n for noise n of omega, as nothing moves at both ends (or both are the same)
             return rows.T @ by_omega - slope.T @ tensor
 
         acts = jax.vmap(of_instant, in_axes=(1, 1, 1))(motion.omega, motion.alpha, jerk)

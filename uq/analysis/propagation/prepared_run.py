@@ -106,6 +106,7 @@ class PreparedRun:
             noisy, quiet = moments.expectation(noise, k, fourth_order=False), NO_NOISE
             return Scatter(
                 mean=expected_by_axes(gram, moments.expectation(noise, k)), noise_free=expected_by_axes(gram, quiet),
+                # the equations are linear in the sums: their covariance is a congruence of the sums'
                 covariance=rows @ covariance @ rows.T, linear=rows @ linear @ rows.T,
                 change=packed_equations(gram, moment, noisy) - packed_equations(gram, moment, quiet),
             )  # fmt: skip
@@ -123,7 +124,7 @@ def stacked(parts: Sequence[Parts], axis: int = 0) -> Parts:
 
 
 class Recent:
-    """Values by key, the last ones used: what is typed comes back."""
+    """Cache of the values that were used last: a person who changes figures often comes back to one."""
 
     def __init__(self, most: int) -> None:
         self.most = most

@@ -142,6 +142,7 @@ def _blocks(problem: _Problem, key: Array, numbers: Array) -> Float[Array, "bloc
         net = problem.net
         if net is None:
             return {name: draw(number, name, given) for name, given in problem.inputs.items()}
+        # a random shift of Sobol's points makes the blocks independent of each other, each as even as the plain points
         bits = jax.random.bits(jax.random.fold_in(key, number), (net.coordinates,), np.uint32)
         at = lambda place: values_at(problem.inputs, net.of_place(place, bits >> (32 - BITS)))  # noqa: E731
         return jax.vmap(at)(jnp.arange(problem.size))

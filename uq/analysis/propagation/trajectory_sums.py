@@ -45,9 +45,9 @@ class _PieceSums:
     sums: RunSums
     moments: RunMoments
     squared_steps: Float[np.ndarray, "9"]
-    """Squares of what force, moment and omega go from one sample to the next."""
+    """Sums of squares of the changes of force, moment and omega from one sample to the next."""
     resting_steps: Float[np.ndarray, "9"]
-    """Number of samples to the next of which they do not go."""
+    """Number of samples after which they do not change."""
     largest: Float[np.ndarray, "9"]
     """Largest absolute value of force, moment and omega; it is a maximum, not a sum."""
 
@@ -157,6 +157,8 @@ def _elements_by_delay(motion: Motion, by_delay: np.ndarray, taps: Sequence[np.n
     now = at(0.0)
     if not len(by_delay):
         return [now]
+    # f(ω + d) - f(ω - d) and f(ω + d) - 2 f(ω) + f(ω - d): a quadratic's slope and curvature, without an error of
+    # truncation
     (more, less), (later, earlier) = ((at(change), at(-change)) for change in by_delay)
     return [now, (more - less) / 2, (more - 2 * now + less + (later - earlier) / 2) / 2]
 
@@ -166,6 +168,7 @@ def _gram_by_delay(now: np.ndarray, *higher: np.ndarray) -> Float[np.ndarray, "o
     if not higher:
         return (now @ now.T)[None]
     first, second = higher
+    # coefficients of a product of series (Cauchy): S₁ = f₁ f₀ᵀ + f₀ f₁ᵀ, S₂ = f₂ f₀ᵀ + f₀ f₂ᵀ + f₁ f₁ᵀ
     slope, curvature = first @ now.T, second @ now.T
     return np.array([now @ now.T, slope + slope.T, curvature + curvature.T + first @ first.T])
 

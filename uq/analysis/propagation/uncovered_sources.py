@@ -10,6 +10,7 @@ from rig.exceptions import listed, quoted
 from uq.files.mistakes import ExperimentError
 from uq.monte_carlo.gram_sums.cases import cases_of
 from uq.sources.draws import Mixing
+from uq.sources.noise_filters import WHITE
 from uq.sources.source import (
     EVERY_SAMPLE,
     SIGNALS,
@@ -77,7 +78,7 @@ def beyond_the_law(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: P
 
 
 def beyond_the_prediction(sources: Sequence[Source], mixing: Sequence[Mixing], peaks: Peaks) -> dict[str, str]:
-    """Return the same of what :mod:`uq.analysis.propagation.prediction` does not take, either."""
+    """Return the sources that :mod:`uq.analysis.propagation.prediction` does not take, each with the reason."""
     entrained = [source.name for source in sources if source.perturbs == "entrained_air"]
     return {
         **beyond_the_law(sources, mixing, peaks),
@@ -102,14 +103,23 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
         return EVERY_SAMPLE
     if source.signal is None:
         return None
-    correlations = [mix.correlation for mix in mixing if source.name in mix.names]
+    if source.noise and (reason := _noise_beyond_law(source, mixing)):
+        return reason
     signal = SignalRange(
-        largest=peaks.largest[source.target], moves=peaks.moves[source.target],
-        variance=signal_variance(sources, source.signal),
-        correlated=any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations),
-        rests=peaks.rests[source.target], noise=_noise_beside(source, sources, peaks.rate),
+        largest=peaks.largest[source.target], moves=peaks.moves[source.target], rests=peaks.rests[source.target],
+        variance=signal_variance(sources, source.signal), noise=_noise_beside(source, sources, peaks.rate),
+        alike=sum(other.error_kind is source.error_kind and other.signal == source.signal for other in sources) - 1,
     )  # fmt: skip
     return source.error_kind.beyond_the_law(source, signal)
+
+
+def _noise_beyond_law(source: Source, mixing: Sequence[Mixing]) -> str | None:
+    """Reason for which the law does not take noise: its memory, or correlations of the gyro's axes."""
+    if any(part.filter != WHITE for part in source.noise_parts(1.0) or ()):
+        return "is noise that is not white"
+    correlations = [mix.correlation for mix in mixing if source.of_gyro and source.name in mix.names]
+    correlated = any(not np.array_equal(matrix, np.eye(len(matrix))) for matrix in correlations)
+    return "is gyro noise with correlations" if correlated else None
 
 
 def _noise_beside(source: Source, sources: Sequence[Source], rate: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Errors of which nothing is drawn, on signals without a random error: the same in every trial.
+"""Errors that are the same in every trial: nothing of them is drawn, and their signals have no random error.
 
 Rounding to a step is one. The law takes it for white noise only where noise, or the motion itself, spreads its signal
 over the steps. A signal that nothing random acts on is rounded in every trial alike: the estimate's error by that is
@@ -22,7 +22,7 @@ from uq.sources.source import Source, disturbs
 def without_undrawn(case: Case, sources: Sequence[Source]) -> tuple[Case, frozenset[str]]:
     """Return a case without the sources whose errors are the same in each of its trials, and the names of these."""
     acting = [source for source in sources if source.name in case.sources]
-    steps = [s for s in acting if not s.drawn and s.error_kind.white_variance(s, 1.0) is not None]
+    steps = [s for s in acting if not s.drawn and s.white_variance(1.0) is not None]
     same = frozenset(s.name for s in steps if not any(disturbs(other, s) for other in acting))
     return case._replace(sources=case.sources - same), same
 
@@ -31,7 +31,7 @@ def undrawn_errors(
     experiment: Experiment, spec: TrajectorySpec, estimators: Sequence[str], run: PreparedRun,
     sets: Collection[frozenset[str]],
 ) -> Mapping[frozenset[str], Float[np.ndarray, "estimators 6"]]:  # fmt: skip
-    """Return what sets of such sources add to the estimates of a run [kg·m²].
+    """Return the errors of a run's estimates by sets of such sources [kg·m²].
 
     Args:
         experiment: with the sources.

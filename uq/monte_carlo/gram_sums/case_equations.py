@@ -45,10 +45,14 @@ def _weights() -> np.ndarray:
     rows = OMEGA_R_OF_FEATURES[OF_OMEGA_R]
     pairs = []
     for a, b in AXES:
+        # Ω_a = Σ_k φ_k P_k,a: each row of the regressor is linear in nine features, so that Σ Ω_aᵀ Ω_b is linear in
+        # the sums of the 45 products of two of them
         product = np.einsum("ki,mj->ijkm", rows[:, a], rows[:, b])
         both = product if a == b else product + product.swapaxes(0, 1)
         pairs.append((both + both.swapaxes(2, 3)) / 2)  # of symmetric sums
     lower = np.stack(pairs)[:, LOWER6[:, 0], LOWER6[:, 1]]
+    # half-vectorisation: of a symmetric matrix the lower triangle is summed, whose entries off the diagonal stand
+    # twice
     twice = np.where(LOWER9[:, 0] == LOWER9[:, 1], 1, 2)
     return (twice * lower[:, :, LOWER9[:, 0], LOWER9[:, 1]]).reshape(len(AXES) * 21, 45)
 
@@ -123,6 +127,8 @@ def feature_map(
     parts = [bias[:, None], gyro, *([] if drift is None else [drift[:, None]])]
     xp = library_of(*parts)
     sensed = xp.concat([xp.broadcast_to(x, x.shape[:2] + trials) for x in parts], axis=1)
+    # what is sensed, S (1, ω, t), is linear, and its products are quadratic: expanded in the true elements, each of
+    # which is a product of two of 1, ω, t as well
     first, second = (xp.einsum("ab...,bn->an...", sensed, x[: sensed.shape[1], :count]) for x in (LEFT, RIGHT))
     twice = TWO_WAYS[:count].reshape(1, count, *[1] * len(trials))
     i, j = np.array(PAIRS).T
@@ -162,6 +168,8 @@ def equations_of(
     barrier = jax.lax.optimization_barrier  # between products, each of whose factors XLA would else compute many times
     sums, features = barrier((sums, features))
     rows_of_omega_r = features[OF_OMEGA_R]
+    # congruence: where errors turn the features φ into T φ, their Gram matrix S becomes T S Tᵀ, and their products W
+    # with the wrench T W; so a trial never visits a sample
     mapped = barrier(times(rows_of_omega_r, sums.gram))
     gram = times(mapped, rows_of_omega_r.swapaxes(0, 1))
     totals = times(features, sums.gram[:, :1])[:, 0]
@@ -174,10 +182,13 @@ def equations_of(
     gram, totals, wrench = barrier((gram, totals, wrench))
     if cell is not None:
         wrench = times(wrench, cell.swapaxes(0, 1))
+    # an offset of the load cell multiplies the sums of the features themselves: their products with the feature 1
     expected = totals[OF_OMEGA_R] + jnp.expand_dims(noise.feature, tuple(range(1, 1 + len(trials)))) * totals[:1]
     wrench = wrench + expected[:, None] * cell_bias[None]
     force, moment = wrench[:, :3], wrench[:, 3:]
+    # y = M - r × F is linear in the wrench, so that the believed centre of gravity may come after the summation
     residual = moment - jnp.cross(r_cg[None], force, axis=1)
+    # Ωᵀ y = Σ_k P_kᵀ Σ φ_k y, with the P_k of Ω = Σ_k φ_k P_k
     right = jnp.tensordot(RIGHT_SIDE, residual.reshape(27, *residual.shape[2:]), 1)
     by_axes = jnp.tensordot(WEIGHTS, gram, 1).reshape(len(AXES), 21, *trials)
     return Equations(*barrier((by_axes, right)))
@@ -187,6 +198,7 @@ def residual_covariance(
     cell: Float[ArrayT, "6 6 *#trials"], r_cg: Float[ArrayT, "3 *#trials"]
 ) -> Float[ArrayT, "6 *trials"]:
     """Return the covariance of ``M - r × F`` for that of force and moment, pair by pair of :data:`AXES`."""
+    # B S Bᵀ with B = [-[r]×, 1]
     xp = library_of(cell, r_cg)
     of_force = -xp.tensordot(CROSS, r_cg, 1)  # -r × F of a unit force, an axis a column
     of_moment = xp.broadcast_to(xp.expand_dims(xp.eye(3), tuple(range(2, of_force.ndim))), of_force.shape)
@@ -199,6 +211,7 @@ def weighted_sums(
     by_axes: Float[ArrayT, "6 21 *#trials"], cell: Float[ArrayT, "6 6 *#trials"], r_cg: Float[ArrayT, "3 *#trials"]
 ) -> Float[ArrayT, "21 *trials"]:
     """Return ``Σ Ωᵀ S Ω`` for the covariance S of ``M - r × F`` that a covariance of force and moment makes."""
+    # S is the same at every sample, and leaves the sum: Σ Ωᵀ S Ω = Σ_ab S_ab Σ Ω_aᵀ Ω_b, six sums for any S
     covariance = residual_covariance(cell, r_cg)
     return sum((by_axes[a] * covariance[a, None] for a in range(1, len(AXES))), by_axes[0] * covariance[0, None])
 
@@ -206,9 +219,9 @@ def weighted_sums(
 def noise_of_right_side(
     covariance: Float[Array, "21 *#trials"], normal: Float[Array, "6 *#trials"]
 ) -> Float[Array, "6 *#trials"]:
-    """Return a draw of what the load cell's noise adds to the right side, from six standard normal numbers.
+    """Return the load cell's noise in the right side, from six standard normal numbers.
 
-    Cholesky's root, column by column, each times its number: without the column's outer product the covariance of the
+    R z with R Rᵀ the covariance (Cholesky), column by column: less the column's outer product, the covariance of the
     rows below is left. A column whose pivot is not positive is zero, so that a singular covariance has its root.
     """
     rest, drawn = symmetric(covariance), jnp.zeros((), covariance.dtype)

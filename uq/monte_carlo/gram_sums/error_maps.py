@@ -77,6 +77,8 @@ class WrenchBasis(Pytree):
         sensed = cell_map(errors)
         maps = [sensed, *([errors.cell_drift[:, None]] if self.time else [])]
         if self.motion:
+            # the true wrench is the first function: of the motion's functions there is only what errors of the rig add
+            # to it
             change = true_wrench_map(body, platform, errors) - true_wrench_map(body, platform, no_errors())
             maps.append(sensed @ change)
         return library_of(*maps).concat(maps, axis=1)
@@ -100,6 +102,7 @@ def true_wrench_map(body: Body, platform: Platform, errors: Errors) -> Float[Arr
     displaced, displaced_moment = errors.displaced_air[0], errors.displaced_air[1:4]
     entrained, entrained_moment = errors.entrained_air[0], errors.entrained_air[1:4]
     acceleration_cg = _acceleration(platform.r_cg_from_still + errors.r_cg_from_omb)
+    # R(tilt)ᵀ e₃: the upward direction in axes that start level
     level = exponential(errors.tilt)[2]
     axes = (level[None, :, None] * np.eye(3)[:, None]).reshape(3, 9)
     up = xp.concat([np.zeros((3, 9)), (platform.gravity + errors.gravity) * axes], axis=1)

@@ -59,10 +59,12 @@ def noise_algebra(estimators: int) -> NoiseAlgebra:
     linear_terms, quadratic_terms = [], []
     for product, place in products.items():
         noisy = Counter(signal for signal in product if signal < signals)
+        # the polynomial's first derivatives: a factor xⁿ gives n xⁿ⁻¹ e
         for signal, times in noisy.items():
             channel, axis = _channel(signal)
             term = linear.setdefault((_without(product, signal), channel), len(linear))
             linear_terms.append((axis, place, term, times))
+        # its second, halved: n (n - 1)/2 of one factor, n m of two
         for first, second, times in _pairs(noisy):
             (c, i), (d, j) = _channel(first), _channel(second)
             term = quadratic.setdefault((_without(product, first, second), c, d), len(quadratic))

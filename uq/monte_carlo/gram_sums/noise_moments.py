@@ -1,4 +1,4 @@
-"""One pass over a run's samples: all that the moments of its Gram sums under the gyro's noise depend on.
+"""One pass over a run's samples gives the moments of its Gram sums under the gyro's noise, for noise of any size.
 
 The noise is ``e = Σ filters, each driven by white noise from rest``. A sum's fluctuation linear in it is
 ``Σ J e = Σ (Lᵀ J) w`` with a filter L and white w, so that the covariance of these is a Gram matrix of filtered
@@ -62,12 +62,16 @@ class RunMoments:
         """Return the covariance of the sums of ``algebra.products`` under noise of omega."""
         algebra, axes, total = self.algebra, range(3), self.linear_covariance(noise)
         used = [pair for pair in product(axes, repeat=2) if algebra.by_quadratic[pair].any()]
+        # Isserlis (1918, doi:10.1093/biomet/12.1-2.134): Cov(e_i e_j, e_k e_m) = C_ik C_jm + C_im C_jk. Sums over the
+        # samples are done before, for unit noise; here come the covariances of the axes, so that any size of noise is
+        # a matrix product
         for (f, cov_f), (g, cov_g) in product(noise.parts.items(), repeat=2):
             plain, exchanged = self.quadratic[f, g]
             for (i, j), (k, m) in product(used, repeat=2):
                 matrix = cov_f[i, k] * cov_g[j, m] * plain + cov_f[i, m] * cov_g[j, k] * exchanged
                 if matrix.any():
                     total += algebra.by_quadratic[i, j] @ matrix @ algebra.by_quadratic[k, m].T
+        # what Isserlis lacks where white noise is not normal: Cov(e, e²) = κ₃, and κ₄ in Var(e²) = 2σ⁴ + κ₄
         for axis in axes:
             third, fourth = noise.third_cumulant[axis], noise.fourth_cumulant[axis]
             if third or fourth:
@@ -124,6 +128,7 @@ def run_moments(
         piece = rows[:, start : start + size + 2 * halo]
         values = _monomials(piece, [*algebra.linear, *algebra.quadratic])
         terms = _terms(algebra, values, responses, inner)
+        # Σ_t J_t e_t = Σ_s c_s w_s with white w: the covariance is σ² Σ_s c_s c_sᵀ, a Gram matrix of the coefficients
         white += terms @ terms.T
         for f in linear.keys() - {WHITE}:
             filtered = filtered_backwards(terms[:count, :n], f)
@@ -145,9 +150,11 @@ def run_moments(
 def _kernels(
     autocovariance: Float[np.ndarray, " lags"], responses: Sequence[np.ndarray], length: int
 ) -> dict[tuple[int, int], Float[np.ndarray, " more_lags"]]:
-    """Return the covariance of the noises of two channels, the second's by a lag later; over centred lags."""
+    """Return the cross-covariance of the noises of each two channels, the second later by a lag; over centred lags."""
     kernels = {}
     for (c, first), (d, second) in product(enumerate([np.ones(1), *responses]), repeat=2):
+        # cross-covariance of two filters' outputs: one response with the other's reversed, and with the input's
+        # autocovariance
         kernel = np.convolve(np.convolve(first, second[::-1]), autocovariance)
         kernels[c, d] = np.pad(kernel, (length - len(kernel)) // 2)
     return kernels
@@ -167,7 +174,7 @@ def _monomials(piece: Float[np.ndarray, "rows wide"], wanted: Sequence[tuple]) -
 def _terms(
     algebra: NoiseAlgebra, values: Mapping[tuple, np.ndarray], responses: Sequence[np.ndarray], inner: slice
 ) -> Float[np.ndarray, "terms n"]:
-    """Return by what each sample's noise of omega is multiplied, monomial by monomial; then by what its square is."""
+    """Return the coefficients of each sample's noise of omega, monomial by monomial, then those of its square."""
     groups: dict[tuple[int, int], list[int]] = {}
     squares = [algebra.quadratic[k][:2] for k in _squares_layout(algebra)]
     factors = [*((*term, 1) for term in algebra.linear), *((*term, 2) for term in squares)]
@@ -188,6 +195,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
     half, lags = len(kernel) // 2, np.flatnonzero(kernel)
     if len(lags) > FEW:
         size = scipy.fft.next_fast_len(rows.shape[1] + len(kernel), real=True)
+        # convolution theorem, padded so that the ends do not reach round
         convolution = fft.irfft(fft.rfft(rows, size) * fft.rfft(kernel, size), size)
         return convolution[:, inner.start + half : inner.stop + half]
     total = np.zeros((len(rows), inner.stop - inner.start))
@@ -198,7 +206,7 @@ def _convolved(rows: np.ndarray, kernel: np.ndarray, inner: slice) -> np.ndarray
 
 
 def filtered_backwards(terms: Float[np.ndarray, "rows n"], filter_: NoiseFilter) -> Float[np.ndarray, "rows n"]:
-    """Return ``Lᵀ`` of terms: by what each sample's white noise is multiplied that drives the filter.
+    """Return ``Lᵀ J``: the coefficients, sample by sample, of the white noise that drives the filter.
 
     ``Σ_t J_t Σ_s l_(t-s) w_s = Σ_s w_s Σ_t l_(t-s) J_t``: a correlation, hence the conjugate spectrum; padded to twice
     the length, so that the run's end does not reach round to its start.

@@ -46,6 +46,8 @@ def packed_equations(
     Returns:
         The normal matrix's lower triangle row by row, then the right side.
     """
+    # ΩᵀΩ = Σ_a Ω_aᵀ Ω_a: the first three pairs are of an axis with itself. All below is linear in the sums, which lets
+    # the law differentiate sums in place of equations
     matrix = expected_by_axes(gram, noise)[..., :3, :].sum(-2)
     right = moment[..., OF_OMEGA_R, :] + noise.feature[:, None] * moment[..., :1, :]
     right = right.reshape(*right.shape[:-2], 27) @ RIGHT_SIDE.T
@@ -65,6 +67,7 @@ def solution_series(
     inverse = np.linalg.inv(matrix) if regular else np.full((6, 6), np.nan)
     value = inverse @ equations[21:]
     first = inverse @ (RIGHT - (MATRIX @ value).T)
+    # implicit differentiation, twice; A⁻¹ A_i x_j for all i, j at once, its transpose A⁻¹ A_j x_i
     crossed = (inverse @ MATRIX @ first).swapaxes(0, 1)
     return value, first, -crossed - crossed.swapaxes(1, 2)
 
@@ -79,6 +82,7 @@ def equations_of_products(
         estimator: its number.
         r_cg: believed centre of gravity from Q, in B [m].
     """
+    # of a linear function, the images of unit vectors are the matrix's columns
     products = np.eye(len(algebra.products))
     moment = products[:, algebra.wrench[estimator]] @ about_cg(r_cg).T
     return packed_equations(products[:, algebra.gram[estimator]], moment, NO_NOISE).T

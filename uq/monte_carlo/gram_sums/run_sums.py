@@ -82,6 +82,7 @@ class RunSums(NamedTuple):
 
     def derivative(self) -> "RunSums":
         """Return the derivative by the delay [1/s], a polynomial of one degree less; zero of a constant."""
+        # d/dτ Σ_k S_k x^k = Σ_k k S_k x^(k-1) / reach
         order = np.arange(1, len(self.gram)) if len(self.gram) > 1 else np.zeros(1)
 
         def differentiated(c: Array) -> Array:

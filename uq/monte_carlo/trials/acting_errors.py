@@ -71,6 +71,7 @@ def state_of(body: Body, platform: Platform, motion: Motion) -> RigState:
     figures = {"mass": body.mass, "r_cg": r_cg, "inertia": body.inertia, "gravity": platform.gravity}
     figures |= {"cg_from_still": platform.r_cg_from_still, "imu_position": np.zeros(3)}
     beliefs = Beliefs(**{name: np.tile(np.atleast_1d(value), (n, 1)) for name, value in figures.items()})
+    # f at a point ρ from the centre of gravity is f + α × ρ + ω × (ω × ρ); the IMU is at Q
     at_imu = specific_force_at(true.specific_force, true.omega, true.alpha, -r_cg)
     return RigState(
         true=true, beliefs=beliefs, wrench=read, gyro=true.omega, gyro_slope=true.alpha, accelerometer=at_imu,

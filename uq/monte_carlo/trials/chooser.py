@@ -13,6 +13,7 @@ Sums have limits: a trial on sums leaves out the noise's third powers, and takes
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -39,15 +40,16 @@ from uq.monte_carlo.trials.samples_engine import SamplesEngine, prepare_samples
 from uq.monte_carlo.trials.sums_engine import quasi_random
 from uq.monte_carlo.trials.sums_setup import TrueRun, gyro_noises, moments_of, prepare_sums, true_run, white_covariance
 from uq.monte_carlo.trials.trial_loop import RUN_ONCE
+from uq.sources.distributions import Normal
 from uq.sources.draws import Mixing
 from uq.sources.noise_filters import WHITE, GyroNoise
-from uq.sources.source import MANY_SIGMA, ErrorKind, Source, SumsConditions, normal_noise_variance, signal_variance
+from uq.sources.source import EVERY_SAMPLE, SignalRange, Source, normal_noise_variance, signal_variance
 
 EngineName = Literal["sums", "samples"]
 
 
 class CombinedEngine(Engine):
-    """Engines of some cases each, and the estimates of those that are the same in every trial."""
+    """Several engines, each of some cases, and the estimates of cases that are the same in every trial."""
 
     parts: tuple[Engine, ...]
     same: Float[Array, "estimators same 6"]
@@ -56,12 +58,12 @@ class CombinedEngine(Engine):
     """Place of each case among those of the parts, one part after the other, and the same ones last."""
 
     def batch(self, device: jax.Device) -> int:
-        """Return what suits the part that does least at a time."""
+        """Return the smallest batch of the parts."""
         return min((part.batch(device) for part in self.parts), default=1)
 
     @property
     def segment(self) -> int:  # type: ignore[override]
-        """Return that of the slowest part."""
+        """Return the smallest segment of the parts."""
         return min((part.segment for part in self.parts), default=1)
 
     def run(self, key: Key[Array, ""], indices: Int[Array, " trials"]) -> Estimates:
@@ -79,7 +81,7 @@ def engine_of(
     dtype: str = "float64",
     points: tuple[int, int] | None = None,
 ) -> tuple[Engine, dict[str, Any]]:
-    """Return what runs the trials of an experiment on one trajectory, and what a result says of how it was chosen.
+    """Return the engine of an experiment on one trajectory, and how each case is computed.
 
     ``in_sums``: what stands for a source that sums tell only nearly; ``by_samples``: why a case needs samples;
     ``once``: cases that are the same in every trial.
@@ -140,7 +142,7 @@ def _large_noise(
 
 
 def _approximations(sources: Sequence[Source], cases: Sequence[Case]) -> dict[str, str]:
-    """Return what stands in sums for each source that acts in one of these cases, where it does so nearly."""
+    """Return the approximation, in words, of each source of these cases that sums tell only nearly."""
     acting = {name for case in cases for name in case.sources}
     return {s.name: s.error_kind.in_sums_as for s in sources if s.error_kind.in_sums_as and s.name in acting}
 
@@ -160,48 +162,55 @@ def _with_sources_of(setting: TrialSetting, cases: Sequence[Case]) -> TrialSetti
 def _in_sums(
     run: TrueRun, sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case]
 ) -> tuple[dict[str, Source], dict[str, str]]:
-    """Return what stands for each source in sums, by name, and why the other cases need samples, by the case's name."""
-    largest = [np.abs(rows).max(axis=1) for rows in (run.signals[-6:-3], run.signals[-3:], run.signals[:3])]
+    """Return the source that stands for each in sums, by name, and the reason of each case that needs samples."""
     standing: dict[str, Source] = {}
     reasons: dict[str, str] = {}
     for case in cases:
         acting = [source for source in sources if source.name in case.sources]
-        if reason := _sources_beyond_sums(acting, mixing, run, largest) or _noise_beyond_sums(acting, mixing):
+        if reason := _sources_beyond_sums(acting, mixing, run) or _noise_beyond_sums(acting, mixing):
             reasons[case.name] = reason
         else:
-            standing |= {source.name: source.error_kind.in_sums(source) for source in acting}
+            standing |= {source.name: _standing(source, run.rate) for source in acting}
     return standing, reasons
 
 
-def _sources_beyond_sums(
-    acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
-) -> str | None:
+def _standing(source: Source, rate: float) -> Source:
+    """Source that stands for one in sums: normal white noise where nothing is drawn, but the error acts as noise."""
+    variance = source.white_variance(rate)
+    if source.drawn or variance is None:
+        return source
+    return replace(source, kind="precision", sigma=np.sqrt(variance), shape=Normal(0.0, 1.0), settings={})
+
+
+def _sources_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun) -> str | None:
     """Return why sums do not tell the effect of a source among those of a case: the first one's reason."""
     for source in acting:
-        conditions = _conditions(source, acting, mixing, run, largest)
-        if reason := source.error_kind.beyond_sums(source, conditions):
+        if reason := _source_beyond_sums(source, acting, mixing, run):
             return f"{source.name} {reason}"
     return None
 
 
-def _conditions(
-    source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun, largest: Sequence[np.ndarray]
-) -> SumsConditions:
+def _source_beyond_sums(source: Source, acting: Sequence[Source], mixing: Sequence[Mixing], run: TrueRun) -> str | None:
+    if source.constant and source.perturbs is None:
+        return EVERY_SAMPLE
+    if source.perturbs == "gyro_delay" and run.remainder > LARGEST_REMAINDER:
+        return "is too long for a polynomial"
+    if source.signal is None:
+        return None
     others = [other for other in acting if other.name != source.name and other.signal == source.signal]
     mixed = {name for mix in mixing for name in mix.names}
-    white = np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))
-    same_kind = sum(other.error_kind is source.error_kind for other in others)
-    spread = np.sqrt(signal_variance(others, source.signal))
-    reach = np.zeros(3) if source.signal is None else largest[source.signal] + MANY_SIGMA * spread
-    return SumsConditions(other_noise=white, others_of_kind=same_kind, remainder=run.remainder, reach=reach)
+    signal = SignalRange(
+        largest=np.abs(run.measured(source.signal)).max(axis=1), variance=signal_variance(others, source.signal),
+        noise=np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))[None],
+        alike=sum(other.error_kind is source.error_kind for other in others),
+    )  # fmt: skip
+    return source.error_kind.beyond_sums(source, signal)
 
 
 def _noise_beyond_sums(acting: Sequence[Source], mixing: Sequence[Mixing]) -> str | None:
-    """Return why the sums' moments do not hold the noise of a case; None: they do."""
+    """Return why the moments of the sums do not cover the noise of a case; None: they do."""
     noise = [source for source in acting if source.noise]
     for source in noise:
-        if type(source.error_kind).noise_parts is ErrorKind.noise_parts:
-            return f"noise of the kind {source.kind} states no filters"
         if source.white and source.of_gyro and not np.all(np.isfinite(source.shape.excess_kurtosis)):
             return f"{source.name} has no fourth moment"
     gyro = {source.name for source in noise if source.of_gyro}
@@ -216,6 +225,8 @@ def _first_trial(engine: SamplesEngine) -> Float[Array, "estimators cases 6"]:
     return engine.run(jax.random.key(0), jnp.zeros(1, int))[0]
 
 
+LARGEST_REMAINDER = 1e-4
+"""Largest error of sums that are interpolated between delays, in parts of the delay's largest effect."""
 LARGEST_NOISE = 0.04
 """Root mean square of the gyro's noise over that of the motion, up to which the noise's third powers count for nothing:
 at 0.12 they change 3σ by 8 %, and their effect goes with its square."""
@@ -254,7 +265,7 @@ def beyond_sums(
 def predicted_skewness(
     run: TrueRun, moments: RunMoments, noise: GyroNoise, cell: Float[np.ndarray, "6 6"], body: Body, estimator: int
 ) -> Float[np.ndarray, "6"]:
-    """Return about the largest skewness of each component's estimate that the gyro's noise can cause.
+    """Return the approximate largest skewness of each component's estimate that the gyro's noise can cause.
 
     With effects linear (l) and quadratic (q) in it, the third cumulant is ``6 Jᵀ K H K J + 8 tr (H K)³``: of the size
     of ``√8 σ_q (σ_l² + σ_q²) / √n`` for n independent squares. A random walk has few of them. Beside them the load
@@ -273,6 +284,7 @@ def predicted_skewness(
 
     linear, squares, third = variance(by_product, moments.linear_covariance(noise)), np.zeros(6), np.zeros(6)
     for filter_, size in noise.parts.items():
+        # filter by filter: third cumulants of independent terms add
         part = GyroNoise({filter_: size}, noise.third_cumulant, noise.fourth_cumulant)
         quadratic = variance(by_product, moments.covariance(part) - moments.linear_covariance(part))
         independent = run.valid.sum() if filter_ == WHITE else 2.0

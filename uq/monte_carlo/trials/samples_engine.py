@@ -102,11 +102,13 @@ def sampled_trial(
     engine: SamplesEngine, key: Key[Array, ""], index: Int[Array, ""]
 ) -> Float[Array, "estimators cases 6"]:
     """Run one trial: its estimates of every case and estimator, from the same draws."""
+    # common random numbers: every case and estimator sees the same draws, so that shares do not scatter by them
     draws = draw_constants(engine.sources, engine.mixing, key, index, jnp.result_type(float))
     errors = errors_of_cases(engine.sources, draws, [case.sources for case in engine.cases])
     draws |= draw_noise(engine, key, index)
     acting = [[source.name in case.sources for source in engine.sources] for case in engine.cases]
 
+    # case by case, not side by side: one record of all samples at a time stays in a processor's cache
     def of_case(case: tuple[dict[str, Array], Array]) -> Sums:
         moving, acts = case
         numbers = {s.name: acts[k] * draws[s.name] for k, s in enumerate(engine.sources) if s.name in engine.by_act}

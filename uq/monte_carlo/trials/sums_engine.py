@@ -55,7 +55,7 @@ GYRO_MAPS = frozenset({"gyro_misalignment", "gyro_scale"})
 
 
 class GyroStreams(Pytree):
-    """Makes the sums fluctuate by the gyro's noise: by each of its sources, and by the product of each two of them."""
+    """Fluctuations of the sums by the gyro's noise: by each of its sources, and by the product of each two of them."""
 
     names: tuple[str, ...] = static_field()
     """Names of their random streams."""
@@ -80,7 +80,7 @@ class ColouredNoise(Pytree):
 
 
 class CellStreams(Pytree):
-    """Noise of the load cell by what is drawn together: of a source, or of several that are correlated."""
+    """Noise of the load cell, stream by stream: of one source each, or of several that are correlated."""
 
     names: tuple[str, ...] = static_field()
     white: Float[Array, "cases 6 6 streams"]
@@ -131,6 +131,8 @@ class SumsEngine(Engine):
         """Return the estimates of trials, which stand side by side on the last axis of all that is computed."""
         draws = _draw(self, key, indices)
         order, parts = [], []
+        # two loops: in cases without errors of the gyro the normal matrix is the same in all trials, and is factored
+        # once
         for moving in (True, False):
             members = [k for k, case in enumerate(self.cases) if _moves(self, case) is moving]
             order += members
@@ -191,6 +193,7 @@ def _draw(engine: SumsEngine, key: Key[Array, ""], indices: Int[Array, " trials"
         cell, uniform, gyro, crossed = jnp.split(
             point[: sum(_coordinates(engine))], np.cumsum(_coordinates(engine))[:-1]
         )
+        # normal numbers by inversion, one coordinate each: Box and Muller's two would lose the points' evenness
         cell, gyro, crossed = (
             jax.scipy.special.ndtri(part).reshape(-1, size, len(indices)).swapaxes(0, 1)
             for part, size in ((cell, 6), (gyro, rank), (crossed, 6))
@@ -242,6 +245,8 @@ def _case(
         equations = equations_of(sums, features, noise, cell, errors.cell_bias, r_cg)
         right = equations.right
         if engine.cell.names:
+            # given Ω, Ωᵀ e is normal with Σ Ωᵀ S Ω: six numbers stand for the noise of all samples. Last, since Ω is
+            # by now as the gyro's errors and noise have made it
             covariance = _cell_covariance(engine.cell, equations, features, case, k, r_cg)
             normals = _cell_normals(engine, draws, case, k) if moving and engine.crossed.names else draws.cell
             right = right + jnp.sum(noise_of_right_side(covariance, normals), axis=1)
@@ -252,7 +257,7 @@ def _case(
 
 
 def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Array) -> Float[Array, "6 streams trials"]:
-    """Return the numbers that the root of each stream's covariance maps, in a case with a noisy gyro."""
+    """Return standard normal numbers of each stream, correlated between cases whose gyro noise differs."""
     alone, with_gyro = engine.crossed.alone[case, estimator], engine.crossed.with_gyro[case, estimator]
     numbers = draws.crossed.reshape(6, *with_gyro.shape[::3], draws.trials)
     return jnp.einsum("ijs,jst->ist", alone, draws.cell) + jnp.einsum("gijs,jgst->ist", with_gyro, numbers)
@@ -272,6 +277,8 @@ def _cell_covariance(
     covariance = weighted(equations.by_axes, cell.white)
     for noise in cell.coloured:
         rows = features[OF_OMEGA_R]
+        # Ωᵀ L w = (Lᵀ Ω)ᵀ w: white noise on a regressor behind the filter, whose sums the errors map by the same
+        # congruence
         mapped = times(rows, noise.behind[estimator][:, :, None])
         by_axes = sums_by_axes(times(jax.lax.optimization_barrier(mapped), rows.swapaxes(0, 1)))
         covariance = covariance.at[:, np.array(noise.streams)].add(weighted(by_axes, noise.driving))
@@ -294,11 +301,12 @@ def _by_trial(
 
 
 def _fluctuating(engine: SumsEngine, draws: _Draws, sums: FeatureSums, case: Array, estimator: Array) -> FeatureSums:
-    """Add what the gyro's noise of a case makes the sums fluctuate by.
+    """Add the fluctuations of the sums by the gyro's noise in a case.
 
     Before errors map the sums: ``T (S + δS) Tᵀ`` is what a trial by samples gives, but for products of the fluctuation
     with errors of scale and axes, for noise arises behind these.
     """
+    # independent sources of noise add, and so does what each two of them make together
     total = jnp.tensordot(engine.gyro.acts[:, case], draws.gyro[:, estimator], 1)
     gram, wrench = total[:169].reshape(13, 13, -1), total[169:].reshape(13, 6, -1)
     time = len(sums.gram) - 13  # the elements that hold time have no noise

@@ -59,6 +59,10 @@ class TrueRun(NamedTuple):
     remainder: float
     """Error of the sums that are interpolated, in parts of the delay's largest effect."""
 
+    def measured(self, signal: int) -> Float[np.ndarray, "3 n"]:
+        """Return what a sensor without errors reads, by its index in :data:`uq.sources.source.SIGNALS`."""
+        return self.signals[[slice(-6, -3), slice(-3, None), slice(3)][signal]]
+
 
 def true_run(setting: TrialSetting) -> TrueRun:
     """Sum over a noise-free run, at as many delays of the gyro as the sources need."""
@@ -86,6 +90,7 @@ def true_run(setting: TrialSetting) -> TrueRun:
     sums = RunSums.through(nodes, np.array([[phi @ phi.T for phi in elements] for elements in at_nodes]), with_wrench)
     remainder = 0.0
     if low < high:
+        # the interpolation's error is S⁽⁷⁾(ξ)/7! Π (τ - τ_k): looked at where the product is largest
         worst = middle + (high - low) / 2 * WORST
         exact = np.array([phi @ wrench.T for phi in elements_at(worst)])
         effect = np.abs(with_wrench[0] - with_wrench[-1]).max()
@@ -129,7 +134,7 @@ SIGMAS = 6.0
 
 
 def delay_range(sources: Sequence[Source]) -> tuple[float, float]:
-    """Return the earliest and the latest delay of any set of sources [s]: expectations ± six σ, and none."""
+    """Return the earliest and the latest delay of any set of sources [s]: 0, and expectations ± six σ."""
     low = high = 0.0
     for source in sources:
         if source.perturbs == "gyro_delay":
@@ -145,7 +150,7 @@ def _omega_at(trajectory: Trajectory, t: Float[Array, " n"], delay: Float[Array,
 
 
 def gyro_noises(sources: Sequence[Source], mixing: Sequence[Mixing], rate: float) -> dict[str, GyroNoise]:
-    """Return the noise of omega of each source that makes some, by name."""
+    """Return the noise of omega by the name of its source."""
     return {s.name: _gyro_noise(s, mixing, rate) for s in sources if s.noise and s.of_gyro}
 
 
@@ -162,9 +167,11 @@ def _gyro_streams(
     covariances: dict[tuple[str, ...], np.ndarray] = {(name,): moments.covariance(x) for name, x in noises.items()}
     for a, b in combinations(noises, 2):  # the products of two sources' noises
         if any({a, b} <= case.sources for case in cases):
+            # polarisation: what two noises make together is the sum's covariance less that of each alone
             both = moments.covariance(GyroNoise.together([noises[a], noises[b]]))
             covariances[a, b] = both - covariances[a,] - covariances[b,]
     acts = np.array([[float(case.sources >= set(names)) for case in cases] for names in covariances])
+    # a root once, for all trials: a trial's fluctuations are a product with standard normal numbers
     roots = np.array([_root_rows(moments, covariance) for covariance in covariances.values()])
     acting = [GyroNoise.together([noises[name] for name in noises if name in case.sources]) for case in cases]
     terms = [[moments.expectation(noise, k) for k in range(len(moments.algebra.gram))] for noise in acting]
@@ -179,9 +186,10 @@ def _gyro_streams(
 
 def _gyro_noise(source: Source, mixing: Sequence[Mixing], rate: float) -> GyroNoise:
     """Return a source's noise of omega; its axes may be correlated."""
+    # σ_i ρ_ij σ_j; only a source's own axes may be correlated, which is checked before
     correlation = next((np.asarray(m.correlation) for m in mixing if m.names == (source.name,)), np.eye(3))
-    parts = source.error_kind.noise_parts(source, rate)
-    sigma = parts[0].sigma if source.white else np.zeros(3)
+    parts = source.noise_parts(rate) or []
+    sigma = np.sqrt(source.variance) if source.white else np.zeros(3)
     return GyroNoise(
         {part.filter: np.outer(part.sigma, part.sigma) * correlation for part in parts},
         np.asarray(source.shape.skewness) * sigma**3, np.asarray(source.shape.excess_kurtosis) * sigma**4,
@@ -222,13 +230,14 @@ def _cell_streams(
         acting = [source for source in noise.values() if source.name in names & case.sources]
         white[k, :, :, stream] = white_covariance([s for s in acting if s.white], mixing)
         for source in (s for s in acting if not s.white):
-            for part in source.error_kind.noise_parts(source, run.rate):
+            for part in source.noise_parts(run.rate) or []:
                 channels = CELL_CHANNELS[source.target] + np.arange(3)
                 size = white if part.filter == WHITE else driving.setdefault(part.filter, nothing.copy())
                 size[k, channels, channels, stream] += part.sigma**2
     coloured = []
     for filter_, size in driving.items():
         streams = np.flatnonzero(size.any(axis=(0, 1, 2)))
+        # Ωᵀ L w = (Lᵀ Ω)ᵀ w: the features behind the filter have the Gram matrix that white noise needs
         behind = np.array([phi @ phi.T for phi in (filtered_backwards(x, filter_) for x in run.elements)])
         coloured.append(ColouredNoise(tuple(streams.tolist()), *jax.device_put((size[..., streams], behind))))
     first = tuple(next(name for name in noise if name in group) for group in groups)
@@ -243,7 +252,7 @@ def _crossed_noise(
     cases: Sequence[Case],
     moments: RunMoments,
 ) -> CrossedNoise:
-    """Return what the load cell's noise draws where the gyro is noisy, too.
+    """Return the weights that correlate the load cell's noise between cases whose gyro noise differs.
 
     The right side ``Ωᵀ e`` is ``Ω₀ᵀ e + Σ N_gᵀ e`` for a true regressor and the noise of each source of the gyro's in
     it, terms that are uncorrelated, of covariances ``A₀ = Σ Ω₀ᵀ S Ω₀`` and ``A_g = E Σ N_gᵀ S N_g``. With R a root of
@@ -278,9 +287,12 @@ def _crossed_noise(
         true += np.where(size, NEGLIGIBLE * size, 1.0) * np.eye(6)  # so that it has a root where nothing acts
         roots = []
         for name, gyro in noises.items():
+            # E N_gᵀ S N_g: the products of features that the noise adds on the average, weighed by S as the true ones
+            # are
             added = WEIGHTS @ moments.expectation(gyro, k).gram @ features @ gram[:, 0]
             acts = np.array([name in case.sources for case in cases])[:, None, None, None]
             roots.append(square_root(acts * covariances(added.reshape(len(AXES), 21), cell.white)))
+        # R Rᵀ = A₀ + Σ A_g; then W = R⁻¹ root(A) has Σ W Wᵀ = R⁻¹ (Σ A) R⁻ᵀ = 1
         root = np.linalg.cholesky(true + sum(x @ x.swapaxes(2, 3) for x in roots))
         alone.append(np.linalg.solve(root, np.linalg.cholesky(true)))
         with_gyro.append([np.linalg.solve(root, x) for x in roots])

@@ -189,5 +189,7 @@ def _in_batches(run: Callable[[jax.Array], Any], mine: jax.Array, batch: int) ->
     """Run one batch after the other; the last is filled up with repeated trials, which are dropped."""
     size = min(batch, len(mine))
     count = -(-len(mine) // size)
+    # filled up by repetition, so that all batches have one shape and one program; a draw depends on its trial's
+    # number, so that repeated trials change nothing
     results = jax.lax.map(run, jnp.resize(mine, (count, size)))
     return jax.tree.map(lambda leaf: leaf.reshape(count * size, *leaf.shape[2:])[: len(mine)], results)

@@ -34,7 +34,7 @@ class Explorer(anywidget.AnyWidget):
         if not self.state:
             return self._stated
         sources = tuple(
-            source if factor == 1 else source.error_kind.resized(source, float(factor))
+            source if factor == 1 else source.resized(float(factor))
             for source, factor in zip(self._stated.sources, self.state["factors"], strict=True)
         )
         name = self.law["pairs"][self.state["pair"]]["trajectory"]

@@ -185,7 +185,7 @@ def growth_of(experiment: Experiment, trajectory: str | None = None, estimator: 
     once, twice = (_variances(experiment, name, spec, duration, estimator) for duration in (T, 2 * T))
     if not once.any():
         raise ExperimentError(NOTHING)
-    averaged = np.array([source.error_kind.averages_out for source in experiment.sources])[:, None]
+    averaged = np.array([source.white_variance(1.0) is not None for source in experiment.sources])[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.where((once > 0) & (twice > 0), once / twice, 1.0)
         lost = np.where(averaged & (ratio > 1), (ratio - 2) / (ratio - 1) * T, np.nan)

@@ -108,7 +108,7 @@ def sensor_worth(experiment: Experiment, trajectory: str | None = None, estimato
 
     def width(factor: float, number: int | None = None) -> np.ndarray:
         """3σ with the sigma of one source, or of none, times a factor."""
-        sources = [s.error_kind.resized(s, factor) if k == number else s for k, s in enumerate(experiment.sources)]
+        sources = [s.resized(factor) if k == number else s for k, s in enumerate(experiment.sources)]
         total, *_ = cases_of(sources)
         return prepared.of_cases([total], sources)[name][chosen][0].three_sigma
 

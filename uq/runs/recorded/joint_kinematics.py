@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.rigid_body.dynamics import acceleration_at
-from identify.rigid_body.rotation import exponentials
+from identify.rigid_body.rotation import exponential
 from identify.signals.run import RunError
 from rig.exceptions import listed, quoted
 from uq.experiment.recording_table import RecordingTable
@@ -195,7 +195,7 @@ class Chain:
             if link.joint.slides:
                 yield link.rotation, link.position + along @ link.rotation.T
             else:
-                yield link.rotation @ exponentials(along), link.position
+                yield link.rotation @ exponential(along), link.position
         yield self.frame
 
 

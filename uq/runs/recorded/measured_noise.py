@@ -51,7 +51,7 @@ def white_level(signal: Float[np.ndarray, "n 3"], rate: float, above: float) -> 
 def declared_level(sources: Sequence[Source], target: str, rate: float) -> Float[np.ndarray, "3"] | None:
     """Return the standard deviation of the white noise that sources declare of a signal; None: none does."""
     here = [source for source in sources if source.signal == SIGNALS.index(target)]
-    variances = [(source.noise, source.error_kind.white_variance(source, rate)) for source in here]
+    variances = [(source.noise, source.white_variance(rate)) for source in here]
     if not any(np.sum(variance) > 0 for noise, variance in variances if noise and variance is not None):
         return None
     return np.sqrt(np.sum([variance for _, variance in variances if variance is not None], axis=0))

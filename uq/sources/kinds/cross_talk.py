@@ -74,6 +74,5 @@ class CrossTalk(ErrorKind):
     targets = {"wrench": "%"}
     absence = "the {} has no cross-talk"
     shape = (6, 6)
-    constant = True
     perturbs = {"wrench": "cell_cross_talk"}
     written_as = CrossTalkFigures

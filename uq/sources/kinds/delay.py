@@ -1,9 +1,6 @@
 """Delay of the gyro: its samples are of an earlier instant than their stamps say."""
 
-from uq.sources.source import ErrorKind, Source, SumsConditions
-
-LARGEST_REMAINDER = 1e-4
-"""Largest error of sums that are interpolated between delays, in parts of the delay's largest effect."""
+from uq.sources.source import ErrorKind
 
 
 class Delay(ErrorKind):
@@ -17,10 +14,5 @@ class Delay(ErrorKind):
     targets = {"omega": "s"}
     absence = "load cell and gyro have one clock"
     shape = ()
-    constant = True
     in_sums_as = "a polynomial in the delay"
     perturbs = {"omega": "gyro_delay"}
-
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
-        """Return that the polynomial is not good enough."""
-        return None if conditions.remainder <= LARGEST_REMAINDER else "is too long for a polynomial"

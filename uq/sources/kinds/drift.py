@@ -9,5 +9,4 @@ class Drift(ErrorKind):
     name = "drift"
     targets = {target: f"{unit}/s" for target, unit in SIGNAL_UNITS.items()}
     absence = "there is no drift in {}"
-    constant = True
     perturbs = {"F": "cell_drift", "M": "cell_drift", "omega": "gyro_drift"}

@@ -9,5 +9,4 @@ class Misalignment(ErrorKind):
     name = "misalignment"
     targets = {"wrench": "rad", "omega": "rad"}
     absence = "the axes of {} are the body's"
-    constant = True
     perturbs = {"wrench": "cell_misalignment", "omega": "gyro_misalignment"}

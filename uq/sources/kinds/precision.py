@@ -1,9 +1,11 @@
 """Precision: white noise of a signal, fresh at each sample, of any distribution."""
 
+from typing import Any
+
 import numpy as np
 
 from uq.sources.noise_filters import WHITE, NoisePart
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, Source
 
 
 class Precision(ErrorKind):
@@ -16,23 +18,8 @@ class Precision(ErrorKind):
     name = "precision"
     targets = SIGNAL_UNITS
     absence = "there is no noise in {}"
-    noise = True
     white = True
-    averages_out = True
 
-    def noise_parts(self, source: Source, rate: float) -> list[NoisePart]:
-        """Return it as white noise."""
+    def noise_parts(self, source: Source, rate: Any) -> list[NoisePart]:
+        """Return it as white noise: a figure of each sample, whatever the rate."""
         return [NoisePart(WHITE, np.sqrt(source.variance))]
-
-    def white_variance(self, source: Source, rate: float) -> np.ndarray:
-        """Return its variance: a figure of each sample, whatever the rate."""
-        return self.added_variance(source)
-
-    def added_variance(self, source: Source) -> np.ndarray:
-        """Return its variance."""
-        return source.variance
-
-    def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
-        """Return that the law takes the gyro's noise as independent from axis to axis."""
-        correlated = source.of_gyro and signal.correlated
-        return "is gyro noise with correlations" if correlated else None

@@ -1,15 +1,14 @@
 """Quantisation: a sensor's finite resolution."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.sources.distributions import Normal
-from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, SumsConditions, strictest
+from uq.sources.noise_filters import WHITE, NoisePart
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, strictest
 
 ENOUGH_STEPS = 1.0
 """Steps by which a signal must move from sample to sample (rms) for its rounding to be white rectangular noise."""
@@ -31,7 +30,6 @@ class Quantisation(ErrorKind):
     targets = SIGNAL_UNITS
     absence = "the resolution of {} is unlimited"
     in_sums_as = "white noise of variance step²/12"
-    averages_out = True
     sizes = {"step": "{}"}
     stage = 20
 
@@ -42,24 +40,19 @@ class Quantisation(ErrorKind):
         steps = [source.settings["step"] for source in sources]
         return quantised(signal, strictest(steps, acting, jnp.maximum, jnp.zeros((3, 1), signal.dtype)))
 
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
-        """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
-        if conditions.others_of_kind:
-            return "is one of several resolutions of a signal"
-        coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > conditions.other_noise)
-        return "is coarse against the noise beside it" if coarse else None
+    def noise_parts(self, source: Source, rate: Any) -> list[NoisePart]:
+        """Return white noise of an error between plus and minus half a step, of variance step²/12.
 
-    def in_sums(self, source: Source) -> Source:
-        """Return white noise of variance step²/12.
-
-        Rectangular of each sample; normal here, since sums over many samples do not tell the difference.
+        Rectangular of each sample; normal in sums, which over many samples do not tell the difference.
         """
-        sigma = np.sqrt(self.white_variance(source, 1.0))
-        return replace(source, kind="precision", sigma=sigma, shape=Normal(0.0, 1.0), settings={})
+        return [NoisePart(WHITE, np.sqrt(np.square(source.settings["step"]) / 12))]
 
-    def white_variance(self, source: Source, rate: float) -> np.ndarray:
-        """Return that of an error between plus and minus half a step: step²/12."""
-        return np.square(source.settings["step"]) / 12
+    def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
+        """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
+        if signal.alike:
+            return "is one of several resolutions of a signal"
+        coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > signal.noise)
+        return "is coarse against the noise beside it" if coarse else None
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that an axis neither has noise enough nor moves enough for its rounding to be white noise.

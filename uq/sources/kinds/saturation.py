@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from uq.sources.source import MANY_SIGMA, SIGNAL_UNITS, ErrorKind, SignalRange, Source, SumsConditions, strictest
+from uq.sources.source import SIGNAL_UNITS, ErrorKind, SignalRange, Source, strictest
 
 
 class Saturation(ErrorKind):
@@ -20,10 +20,6 @@ class Saturation(ErrorKind):
     sizes = {"limit": "{}"}
     stage = 10
 
-    def resized(self, source: Source, factor: float) -> Source:
-        """Return the source as it is: a range has no error's size."""
-        return source
-
     def sensed(
         self, signal: Float[Array, "3 n"], sources: Sequence[Source], acting: Sequence[Any]
     ) -> Float[Array, "3 n"]:
@@ -32,14 +28,11 @@ class Saturation(ErrorKind):
         limit = strictest(limits, acting, jnp.minimum, jnp.full((3, 1), jnp.inf, signal.dtype))
         return jnp.clip(signal, -limit, limit)
 
-    def beyond_sums(self, source: Source, conditions: SumsConditions) -> str | None:
+    def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
         """Return that the signal does not stay well within its range, where sums would not feel its end."""
-        near = np.any(conditions.reach > np.asarray(source.settings["limit"]))
+        near = np.any(signal.reach > np.asarray(source.settings["limit"]))
         return "is within reach of the signal" if near else None
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
         """Return that it cuts its signal off, unless the signal stays well within the range."""
-        reach = signal.largest + MANY_SIGMA * np.sqrt(signal.variance)
-        if np.any(reach > np.asarray(source.settings["limit"])):
-            return "cuts its signal off"
-        return None
+        return "cuts its signal off" if np.any(signal.reach > np.asarray(source.settings["limit"])) else None

@@ -9,5 +9,4 @@ class Scale(ErrorKind):
     name = "scale"
     targets = dict.fromkeys(SIGNAL_UNITS, "%")
     absence = "the scale factors of {} are exact"
-    constant = True
     perturbs = {"F": "cell_scale", "M": "cell_scale", "omega": "gyro_scale"}

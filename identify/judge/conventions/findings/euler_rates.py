@@ -31,7 +31,7 @@ from identify.judge.conventions.axis_hypotheses import DECISIVE, chi_square, sca
 from identify.judge.conventions.convention_fit import ImuSignal, WrenchSignal, convention_sums
 from identify.judge.conventions.free_rotation import AS_IT_IS, well_explained
 from identify.judge.findings import Finding
-from identify.rigid_body.rotation import exponentials, rotation_vectors
+from identify.rigid_body.rotation import exponential, rotation_vectors
 
 Rotations = Float[np.ndarray, "n 3 3"]
 
@@ -169,7 +169,7 @@ def _angles(attitude: Rotations, order: str) -> Float[np.ndarray, "n 3"]:
 
 def _attitude(angles: np.ndarray, order: str) -> Rotations:
     """The attitude of angles, each in the channel of its axis [rad]."""
-    first, second, third = (exponentials(angles[:, [axis]] * np.eye(3)[axis]) for axis in _axes(order))
+    first, second, third = (exponential(angles[:, [axis]] * np.eye(3)[axis]) for axis in _axes(order))
     return np.asarray(first @ second @ third)
 
 

@@ -56,7 +56,7 @@ def test_a_page_shows_the_figure_as_it_was_declared(declared, what, figure, unit
     given = experiment(source("e", target, kind, **keys))
     (shown,) = described(given)
     assert (shown["what"], shown["figure"], shown["unit"]) == (what, figure, unit)
-    larger = dataclasses.replace(given, sources=tuple(s.error_kind.resized(s, 2.0) for s in given.sources))
+    larger = dataclasses.replace(given, sources=tuple(s.resized(2.0) for s in given.sources))
     assert described(larger)[0]["what"] in ("σ", "step")  # no file says it any more
 
 
@@ -101,7 +101,7 @@ def test_the_script_agrees_with_the_law_at_other_figures(which, request, tmp_pat
     factors[0], factors[1, :3] = 1.0, 0.0
     with Browser(tmp_path, widget_page(result.adjustable())) as browser:
         for factor in factors:
-            resized = [s.error_kind.resized(s, f) for s, f in zip(given.sources, factor, strict=True)]
+            resized = [s.resized(f) for s, f in zip(given.sources, factor, strict=True)]
             other = law(
                 dataclasses.replace(given, sources=tuple(resized), document={}), [pair[0] for pair in result.pairs()]
             )

@@ -146,7 +146,7 @@ def test_other_figures_visit_no_sample_again(brief, monkeypatch):
         monkeypatch.setattr(kept.PreparedRun, name, counting(name, getattr(kept.PreparedRun, name)))
 
     def doubled(name):
-        changed = tuple(s.error_kind.resized(s, 2.0) if s.name == name else s for s in brief.sources)
+        changed = tuple(s.resized(2.0) if s.name == name else s for s in brief.sources)
         return law(dataclasses.replace(brief, sources=changed), "T1")["T1", "central"]
 
     cell, gyro = doubled("M_precision"), doubled("omega_precision")

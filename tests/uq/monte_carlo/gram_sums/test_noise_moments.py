@@ -77,7 +77,9 @@ def test_coloured_noise_enters_linearly_as_its_samples_do(signals, derivatives, 
 
 def test_two_noises_add_to_what_both_together_make(signals):
     """White noise in two parts is white noise: also what is quadratic in both."""
-    other = type("Impulse", (type(WHITE),), {"response": lambda self, n: np.ones(1)})("also white", np.ones_like)
+    other = type("Impulse", (type(WHITE),), {"response": lambda self, n: np.ones(1)})(
+        "also white", np.ones_like, WHITE.block
+    )
     moments = run_moments(signals, VALID, TAPS, [WHITE, other])
     parts = moments.covariance(GyroNoise({WHITE: 0.3 * SIZE, other: 0.7 * SIZE}, NONE, NONE))
     whole = moments.covariance(GyroNoise.white(SIZE))

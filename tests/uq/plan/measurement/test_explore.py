@@ -61,9 +61,7 @@ def test_bars_follow_a_slider(browser, experiment):
     state = browser.run("model.get('state')")
     assert state["factors"][row - 1] == pytest.approx(10**0.5, rel=0.05)
     assert np.abs(bars(browser) - before).max() > 5
-    sources = tuple(
-        s.error_kind.resized(s, float(f)) for s, f in zip(experiment.sources, state["factors"], strict=True)
-    )
+    sources = tuple(s.resized(float(f)) for s, f in zip(experiment.sources, state["factors"], strict=True))
     compare(browser, dataclasses.replace(experiment, sources=sources))
     browser.click(SLIDER.format(row + 1), along=0.25)
     assert browser.run("model.get('state')")["factors"][row - 1] < 0.6
@@ -111,7 +109,7 @@ def test_an_exported_notebook_shows_the_last_state(experiment, numbers, tmp_path
     saved = widgets.Widget.get_manager_state(widgets=[widget])["state"][widget.model_id]["state"]
     assert saved["_esm"] == widget._esm
     with Browser(tmp_path, widget_page(saved["law"], saved["state"])) as opened:
-        sources = tuple(s.error_kind.resized(s, f) for s, f in zip(experiment.sources, factors, strict=True))
+        sources = tuple(s.resized(f) for s, f in zip(experiment.sources, factors, strict=True))
         compare(opened, dataclasses.replace(experiment, sources=sources))
         assert opened.run("document.querySelectorAll('tr.changed').length") == 2
         assert opened.complaints == []

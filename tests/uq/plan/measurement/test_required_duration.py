@@ -157,7 +157,7 @@ def test_a_derivative_is_the_sources_share_of_the_variance(longer, worth):
 def test_a_halved_sigma_does_what_the_monte_carlo_says(longer, worth):
     """The same draws serve both campaigns, so that the ratio is better known than either figure, 1 %: 3 % are ample."""
     k = worth.sources.index(worth.best)
-    sources = tuple(s.error_kind.resized(s, 0.5) if i == k else s for i, s in enumerate(longer.sources))
+    sources = tuple(s.resized(0.5) if i == k else s for i, s in enumerate(longer.sources))
     first, two = (
         montecarlo(e, trials=4000)["T1", "smoothed"].total.three_sigma
         for e in (longer, dataclasses.replace(longer, sources=sources))
@@ -179,7 +179,7 @@ def test_the_table_is_led_by_the_best(worth):
 def test_every_size_of_a_source_is_resized():
     settings = {"white": np.ones(3), "flicker": np.ones(3), "random_walk": np.ones(3), "centre": np.ones(3)}
     source = Source("s", "omega", "coloured", "imu", np.ones(3), settings=settings, mean=5.0)
-    resized = source.error_kind.resized(source, 0.5)
+    resized = source.resized(0.5)
     assert all((resized.settings[name] == 0.5).all() for name in ("white", "flicker", "random_walk"))
     assert (resized.settings["centre"] == 1).all()
     assert (resized.sigma == 0.5).all()
@@ -198,7 +198,7 @@ def test_duration_and_sensor_of_the_preset_in_10000_trials(preset, capsys):
     answer = required_duration(preset, 2.4e-3, trajectory="T1", estimator="smoothed")
     worth = sensor_worth(preset, "T1", "smoothed")
     k = worth.sources.index("M_precision")
-    quieter = tuple(s.error_kind.resized(s, 0.5) if s.name == "M_precision" else s for s in preset.sources)
+    quieter = tuple(s.resized(0.5) if s.name == "M_precision" else s for s in preset.sources)
     specs = {"T1": lasting(preset.trajectories["T1"], answer.seconds)}
     cases = {
         "duration": (dataclasses.replace(preset, trajectories=specs, document={}), answer.target),

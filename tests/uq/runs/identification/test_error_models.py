@@ -35,7 +35,7 @@ BODY = {
     "cg_from_still": [0.01, -0.02, 0.11],
 }  # fmt: skip
 KNOWN = {
-    "rotation": [3e-2, -0.2, 5e-2], "gyro_scale": [0.1, -0.2, 0.1], "gyro_bias": [4e-3, -3e-3, 2e-3],
+    "imu_axes": [3e-2, -0.2, 5e-2], "gyro_scale": [0.1, -0.2, 0.1], "gyro_bias": [4e-3, -3e-3, 2e-3],
     "gyro_drift": [1e-3, 2e-3, -1e-3], "delay": [13e-3], "accelerometer_bias": [0.1, -0.2, 0.05],
     "zero": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3], "drift": [0.5, 0.0, -0.5, 0.0, 0.1, 0.0], "gravity": [0.02],
     "cross_talk": 1e-4 * np.arange(36.0),

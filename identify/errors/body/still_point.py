@@ -15,8 +15,8 @@ def act(state: RigState, metres: Numbers) -> RigState:
     return state.with_less("cg_from_still", metres)
 
 
-STILL_MISSED = ErrorModel(
-    name="still_missed", count=3, act=act, linear=True,
+STILL_POINT = ErrorModel(
+    name="still_point", count=3, act=act, linear=True,
     stage=Stage.BODY, part="body", unknowns=("cg_from_still",), by_hand=True,
     prior=fixed(*[0.02] * 3), declared_as=("r_cg_from_omb", "bias"),
     words=CauseWords(

@@ -23,8 +23,8 @@ def act(state: RigState, turn: Numbers) -> RigState:
     return replace(state, **{name: getattr(state, name) @ to_imu for name in names})
 
 
-ROTATION = ErrorModel(
-    name="rotation", count=3, act=act, stage=Stage.IMU_AXES, part="imu", unknowns=("rotation",), by_hand=True,
+IMU_AXES = ErrorModel(
+    name="imu_axes", count=3, act=act, stage=Stage.IMU_AXES, part="imu", unknowns=("rotation",), by_hand=True,
     prior=fixed(*[TYPICAL.figure] * 3),
     words=CauseWords(
         "rotation", "the IMU were rotated against the load cell by {}", "correct imu_rotation_to_body",
