@@ -34,7 +34,7 @@ TWO_WAYS = (FACTORS[:, 0] != FACTORS[:, 1]).astype(float)
 LOWER6, LOWER9 = (np.array([(i, j) for i in range(size) for j in range(i + 1)]) for size in (6, 9))
 """Places of the lower triangle."""
 PLACE6 = np.zeros((6, 6), np.int32)
-"""Of an entry of a symmetric matrix in its lower triangle."""
+"""Place of each entry of a symmetric matrix in its lower triangle."""
 PLACE6[tuple(LOWER6.T)] = PLACE6.T[tuple(LOWER6.T)] = range(21)
 CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).transpose(2, 1, 0)
 """``(CROSS @ r) @ F`` is ``r × F``."""
