@@ -213,7 +213,7 @@ def _by_alpha(model: Model, theta: np.ndarray) -> Float[np.ndarray, "rows 3"]:
     """Return the derivative of the predicted rows by the angular acceleration that the IMU measures."""
     at = PredictedWrench(replace(model, used=np.arange(len(model.used)) == 0), theta)
     by_axis = (at.signals.turn / at.signals.scale)[None]
-    return at.counted(at.cell @ at.changed(0 * by_axis, by_axis, 0 * by_axis))[0]
+    return at.counted(at.sensitivity @ at.changed(0 * by_axis, by_axis, 0 * by_axis))[0]
 
 
 def _warnings(pooled: PooledJoint, bias: np.ndarray, sigma: np.ndarray, mountings: int) -> list[str]:

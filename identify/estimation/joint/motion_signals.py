@@ -164,20 +164,20 @@ class MotionSignals:
         return cumulative_product(np.concatenate([np.eye(3)[None], turns]))
 
     @cached_property
-    def cell(self) -> Int[np.ndarray, " n"]:
-        """The node at or before each row, ``delay`` later."""
+    def interval(self) -> Int[np.ndarray, " n"]:
+        """Index of the interval between nodes in which each row lies, ``delay`` later."""
         return np.clip(np.floor(self.late / self.model.rows.step).astype(int), 0, len(self.nodes) - 2)
 
     @cached_property
     def since(self) -> Float[np.ndarray, " n"]:
-        """Time from that node [s]."""
-        return np.asarray(self.late - self.nodes[self.cell])
+        """Time from the start of that interval [s]."""
+        return np.asarray(self.late - self.nodes[self.interval])
 
     @cached_property
     def attitude(self) -> Float[np.ndarray, "n 3 3"]:
         """Rotations from the IMU's axes at each row to those at the first node."""
-        at_nodes = self.attitude_at_nodes[self.cell]
-        return at_nodes if not self.since.any() else at_nodes @ self._turns(self.nodes[self.cell], self.since)
+        at_nodes = self.attitude_at_nodes[self.interval]
+        return at_nodes if not self.since.any() else at_nodes @ self._turns(self.nodes[self.interval], self.since)
 
     @cached_property
     def turning(self) -> Float[np.ndarray, "n 3"]:
@@ -209,19 +209,19 @@ class MotionSignals:
         """Return the change of ``up`` by changes of the angular velocity, at the nodes and in the IMU's axes.
 
         They turn the attitude by the integral of ``attitude @ rate``: by cubics through four nodes, and within the
-        cells by those through both ends and slopes.
+        intervals by those through both ends and slopes.
         """
         slope = self.attitude_at_nodes @ rate
         step = self.model.rows.step
         outer = np.concatenate([2 * slope[:1] - slope[1:2], slope, 2 * slope[-1:] - slope[-2:-1]])
         # the integral of the cubic through four nodes, h/24 (-1, 13, 13, -1); at the ends through a node that is
         # extrapolated
-        cells = step / 24 * (13 * (outer[1:-2] + outer[2:-1]) - outer[:-3] - outer[3:])
-        integral = np.concatenate([np.zeros_like(slope[:1]), np.cumsum(cells, axis=0)])
+        increments = step / 24 * (13 * (outer[1:-2] + outer[2:-1]) - outer[:-3] - outer[3:])
+        integral = np.concatenate([np.zeros_like(slope[:1]), np.cumsum(increments, axis=0)])
         u = (self.since / step)[:, None, None]
-        # Hermite's basis: values and slopes at both ends of a cell
+        # Hermite's basis: values and slopes at both ends of an interval
         weights = (2 * u**3 - 3 * u**2 + 1, 3 * u**2 - 2 * u**3, step * (u**3 - 2 * u**2 + u), step * (u**3 - u**2))
-        ends = (integral[self.cell], integral[self.cell + 1], slope[self.cell], slope[self.cell + 1])
+        ends = (integral[self.interval], integral[self.interval + 1], slope[self.interval], slope[self.interval + 1])
         turned = sum(weight * end for weight, end in zip(weights, ends, strict=True))
         in_body = self.turn @ (self.attitude.swapaxes(1, 2) @ turned)
         return np.asarray(cross_matrices(self.up) @ in_body)

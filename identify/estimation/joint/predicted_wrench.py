@@ -96,7 +96,7 @@ class PredictedWrench:
         """
         measured = np.hstack([self.signals.force, self.signals.moment])
         zeros = np.hstack([self._zero("force"), self._zero("moment")])
-        return np.asarray(measured - zeros - self.wrench @ self.cell.T)
+        return np.asarray(measured - zeros - self.wrench @ self.sensitivity.T)
 
     def _zero(self, quantity: str) -> Float[np.ndarray, "n 3"]:
         """The load cell's zero of force or moment and its drift, along B."""
@@ -105,8 +105,8 @@ class PredictedWrench:
         return along if axes is None else np.asarray(np.einsum("nji,nj->ni", axes, along))
 
     @property
-    def cell(self) -> Float[np.ndarray, "6 6"]:
-        """Matrix from the true wrench to the reading of the load cell."""
+    def sensitivity(self) -> Float[np.ndarray, "6 6"]:
+        """Sensitivity of the load cell: matrix from the true wrench to its reading."""
         return np.eye(6) + self.x["cell_matrix"].reshape(6, 6)
 
     def counted(self, columns: Columns) -> Float[np.ndarray, "n rows p"]:
@@ -161,7 +161,7 @@ class PredictedWrench:
         if name == "cell_matrix":
             return np.einsum("ij,nk->nijk", np.eye(6), self.wrench).reshape(-1, 6, 36)
         columns = self._of_motion(name)
-        return columns if not self.x["cell_matrix"].any() else np.asarray(self.cell @ columns)
+        return columns if not self.x["cell_matrix"].any() else np.asarray(self.sensitivity @ columns)
 
     def _of_motion(self, name: str) -> Columns:
         """The derivative of the wrench by an unknown of body, alignment, IMU or gravity."""

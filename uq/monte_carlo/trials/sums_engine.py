@@ -79,7 +79,7 @@ class ColouredNoise(Pytree):
     """Gram matrix of the elements behind the filter."""
 
 
-class CellStreams(Pytree):
+class LoadCellStreams(Pytree):
     """Noise of the load cell, stream by stream: of one source each, or of several that are correlated."""
 
     names: tuple[str, ...] = static_field()
@@ -116,7 +116,7 @@ class SumsEngine(Engine):
     expectation: NoiseExpectation
     """Additions of the gyro's noise to expected sums, (cases, estimators, …)."""
     gyro: GyroStreams
-    cell: CellStreams
+    cell: LoadCellStreams
     crossed: CrossedNoise
     segment = 5000
     """A fraction of a second."""
@@ -264,7 +264,7 @@ def _cell_normals(engine: SumsEngine, draws: _Draws, case: Array, estimator: Arr
 
 
 def _cell_covariance(
-    cell: CellStreams, equations: Equations, features: Array, case: Array, estimator: Array, r_cg: Array
+    cell: LoadCellStreams, equations: Equations, features: Array, case: Array, estimator: Array, r_cg: Array
 ) -> Float[Array, "21 streams #trials"]:
     """Return the covariance ``Σ Ωᵀ S Ω`` of what each stream of the load cell's noise adds to the right side ``Ωᵀ e``.
 

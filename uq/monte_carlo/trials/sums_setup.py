@@ -27,7 +27,7 @@ from uq.monte_carlo.gram_sums.error_maps import WrenchBasis, true_elements
 from uq.monte_carlo.gram_sums.noise_moments import RunMoments, filtered_backwards, run_moments
 from uq.monte_carlo.gram_sums.run_sums import RunSums, delay_nodes
 from uq.monte_carlo.trials.engine import TrialSetting
-from uq.monte_carlo.trials.sums_engine import CellStreams, ColouredNoise, CrossedNoise, GyroStreams, SumsEngine
+from uq.monte_carlo.trials.sums_engine import ColouredNoise, CrossedNoise, GyroStreams, LoadCellStreams, SumsEngine
 from uq.monte_carlo.trials.trial_loop import RUN_ONCE
 from uq.sources.constant_errors import CELL_CHANNELS, effect, perturbed
 from uq.sources.draws import Mixing
@@ -219,7 +219,7 @@ def square_root(covariance: Float[np.ndarray, "*sets k k"]) -> Float[np.ndarray,
 
 def _cell_streams(
     sources: Sequence[Source], mixing: Sequence[Mixing], cases: Sequence[Case], run: TrueRun
-) -> CellStreams:
+) -> LoadCellStreams:
     """Return the streams of the load cell's noise."""
     noise = {s.name: s for s in sources if s.noise and not s.of_gyro}
     joined = {name: frozenset(mix.names) & set(noise) for mix in mixing for name in mix.names if name in noise}
@@ -241,12 +241,12 @@ def _cell_streams(
         behind = np.array([phi @ phi.T for phi in (filtered_backwards(x, filter_) for x in run.elements)])
         coloured.append(ColouredNoise(tuple(streams.tolist()), *jax.device_put((size[..., streams], behind))))
     first = tuple(next(name for name in noise if name in group) for group in groups)
-    return CellStreams(first, jax.device_put(white), tuple(coloured))
+    return LoadCellStreams(first, jax.device_put(white), tuple(coloured))
 
 
 def _crossed_noise(
     noises: dict[str, GyroNoise],
-    cell: CellStreams,
+    cell: LoadCellStreams,
     run: TrueRun,
     body: Body,
     cases: Sequence[Case],
