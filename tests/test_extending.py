@@ -21,6 +21,8 @@ from tests.helpers import operating_curves
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_runs import identified
 from uq.cli.main import main
+from uq.experiment.experiment import Experiment
+from uq.monte_carlo.campaign.simulation import simulate
 from uq.sources.source import KINDS
 
 ROOT = Path(__file__).parents[1]
@@ -121,6 +123,21 @@ def run(scripts, names):
     return names
 
 
+def test_a_new_kind_of_error_source_is_read_and_drawn(extended):
+    """It changes the moment alone, by a constant that each trial draws anew."""
+    sources, _ = section("A new kind of error source")
+    text = (ROOT / "uq" / "examples" / "t1-10s.toml").read_text("utf-8") + sources["M_TEMPERATURE"]
+    experiment = Experiment.from_dict(tomllib.loads(text))
+    (new,) = (source for source in experiment.sources if source.name == "M_temperature")
+    first, other = (simulate(replace(experiment, sources=(new,), mixing=()), trial=trial).run for trial in (0, 1))
+    np.testing.assert_array_equal(first.force, other.force)
+    shift = (first.moment - other.moment).mean(axis=0)
+    np.testing.assert_allclose(first.moment - other.moment, np.broadcast_to(shift, first.moment.shape), atol=1e-12)
+    assert (np.abs(shift) > 1e-4).all()
+    assert (np.abs(shift) < 5 * np.sqrt(2) * 8e-3).all()  # 0.001 N·m/K at 8 K
+
+
+@pytest.mark.slow  # kinds of the program by both engines: monte_carlo/campaign/test_campaign.py
 def test_a_new_kind_of_error_source(extended):
     sources, scripts = section("A new kind of error source")
     names = run(scripts, sources)
@@ -165,7 +182,7 @@ content = document(clean)
 content["source"] = [*content["source"], source]
 declared = Experiment.from_dict(content)
 (prior,) = [error for name, error in estimated_errors(declared, 15.0).items() if name == "warming"]
-known = with_undeclared(with_declared_sources(identified(clean), [run_of(clean)], declared), [run_of(clean)], declared)
+known = with_undeclared(with_declared_sources(identified(clean), [run_of(clean)], declared, trials=500), [run_of(clean)], declared)
 ratio = known.contributions["warming"][5] / (20 * abs(effect.parameters[9]))
 told = "gyro_warming" in [row.error for row in known.undeclared.rows]
 brief = Experiment.load("uq/examples/t1-10s.toml")
@@ -173,7 +190,7 @@ drawn = Experiment.from_dict(dict(brief.document) | {"source": [source]})
 trials = montecarlo(drawn, trials=200, estimators="central")["T1", "central"].total.three_sigma
 simulated = simulate(replace(brief, sources=(), mixing=())).run
 since = (simulated.t / simulated.t[-1])[:, None]
-estimate = lambda omega: np.asarray(ordinary_least_squares(
+estimate = jax.jit(lambda omega: ordinary_least_squares(
     simulated.force, simulated.moment, omega, rate=simulated.rate, r_cg=brief.body.r_cg_from_q,
     estimator=EstimatorSpec("central", "central"), offsets="none",
 ))
@@ -194,7 +211,7 @@ print(joint.consistency, bool((far < 3).all()), "gyro_warming" in joint.contribu
 def test_a_new_error_of_the_rig(tmp_path):
     """One file and one line in a copy of the program: it is named, counted while undeclared, drawn, estimated and printed."""
     for package in ("identify", "rig", "tests", "uq"):
-        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, tmp_path / package)  # compiled, too
     shutil.copy(PAGE.parents[1] / "extensions" / "gyro_warming.py", tmp_path / "identify" / "errors" / "imu")
     registry = tmp_path / "identify" / "errors" / "registry.py"
     text = registry.read_text("utf-8").replace("ERRORS:", f"{IMPORTED}\n\nERRORS:", 1)
@@ -257,8 +274,6 @@ def test_a_new_export_format(extended, tmp_path):
 
 def test_a_new_estimator(extended):
     _, scripts = section("A new estimator")
-    from uq import Experiment
-
     names = run(scripts, {"Experiment": Experiment})
     off = {how: np.abs(names[f"by_{how}"].inertia - names["quiet"].inertia) for how in ("mean", "median")}
     moments = [0, 3, 5]

@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib.image
+import pytest
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -21,6 +22,7 @@ def test_every_picture_is_made_by_the_command_and_shown_on_a_page(monkeypatch):
     assert {name for page in pages for name in re.findall(r"figures/([\w-]+\.\w+)\)", page.read_text("utf-8"))} == made
 
 
+@pytest.mark.slow
 def test_the_command_draws_a_picture_and_a_drawing(tmp_path):
     command = [sys.executable, FIGURES / "gallery.py", "spheres.png", "frames.svg", "--out", tmp_path]
     subprocess.run(command, check=True, capture_output=True, cwd=ROOT)

@@ -58,6 +58,7 @@ def test_a_size_is_scaled_to_a_shift():
     assert np.abs(shift(missed, small, 1, force_rows=True, **still) / u).max() == pytest.approx(3, rel=0.1)
 
 
+@pytest.mark.slow  # of clean runs nothing is said: identify/judge/test_judge.py
 def test_a_clean_run_stays_within_the_limits_of_the_judge():
     reached = judge_margins.margins(0)
     for name, (sign, limit) in judge_margins.LIMITS.items():

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,8 @@ class Kind:
     """A kind of file: shipped or made ones, and the command that reads it."""
 
     suffix: str
-    originals: tuple[bytes, ...]
+    made: tuple[bytes, ...] | Callable[[], tuple[bytes, ...]]
+    """The files, or what makes them when they are asked for."""
     command: Callable[[str], list[str]]
     """From the file's name to the command's arguments."""
     text: bool = True
@@ -39,6 +41,11 @@ class Kind:
     """What the command complains of once it has loaded an original; empty: of nothing."""
     sealed: Callable[[bytes], bytes] = bytes
     """Gives a mutated file the checksum of its content."""
+
+    @cached_property
+    def originals(self) -> tuple[bytes, ...]:
+        """The files."""
+        return self.made() if callable(self.made) else self.made
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
@@ -52,10 +59,6 @@ def kinds(folder: Path) -> dict[str, Kind]:
     run = simulate(Experiment.load(folder / "e.toml"), "T1")
     run.write(folder / "run.mcap")
     packed, plain = (folder / "run.mcap").read_bytes(), _unchecked(folder)
-    montecarlo(Experiment.load(folder / "e.toml"), trials=TRIALS, options=RunOptions(checkpoint=folder / "done"))
-    parts, heads = (
-        tuple(p.read_bytes() for p in sorted((folder / "done").glob(name))[:1]) for name in ("*.part", "campaign.json")
-    )
     return {
         "experiment": Kind(
             ".toml",
@@ -109,8 +112,16 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "run": Kind(".mcap", (plain,), lambda name: ["identify", name, "--experiment", "e.toml"], text=False),
         "bag": Kind(".bag", (_bag(folder, ".bag"),), lambda name: ["inspect", name], text=False),
         "urdf": Kind(".urdf", (_robot(folder),), _with_robot),
-        "checkpoint": Kind(".part", parts, lambda name: _resumed(name, "*.part"), text=False, sealed=_sealed),
-        "campaign": Kind(".json", heads, lambda name: _resumed(name, "campaign.json")),
+        "checkpoint": Kind(
+            ".part",
+            partial(_campaign, folder, "*.part"),
+            lambda name: _resumed(name, "*.part"),
+            text=False,
+            sealed=_sealed,
+        ),
+        "campaign": Kind(
+            ".json", partial(_campaign, folder, "campaign.json"), lambda name: _resumed(name, "campaign.json")
+        ),
         "sqlite": Kind(".db3", (_bag(folder, ".db3"),), lambda name: ["inspect", name], text=False),
     }
 
@@ -248,6 +259,13 @@ def _robot(folder: Path) -> bytes:
 def _with_robot(name: str) -> list[str]:
     shutil.copy(name, "robot.urdf")
     return ["identify", "arm", "--experiment", "arm.toml"]
+
+
+def _campaign(folder: Path, name: str) -> tuple[bytes, ...]:
+    """The first file of a name in the checkpoint of a campaign, which is run once."""
+    if not (folder / "done").exists():
+        montecarlo(Experiment.load(folder / "e.toml"), trials=TRIALS, options=RunOptions(checkpoint=folder / "done"))
+    return tuple(path.read_bytes() for path in sorted((folder / "done").glob(name))[:1])
 
 
 def _sealed(part: bytes) -> bytes:

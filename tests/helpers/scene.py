@@ -51,6 +51,15 @@ class Recorded:
     stop: float
 
 
+@jax.jit
+def _signals(scene, body, gravity, t):
+    """Force, moment, angular velocity and specific force at Q, samples first."""
+    motion = sample(scene, t, r_cg_from_still=jnp.zeros(3), gravity=gravity)
+    true = jax.vmap(wrench, in_axes=(None, 1, 1, 1))(body, motion.omega, motion.alpha, motion.specific_force_cg)
+    lever = jax.vmap(acceleration_at, in_axes=(None, 1, 1))(-body.r_cg_from_q, motion.omega, motion.alpha)
+    return true.force, true.moment, motion.omega.T, motion.specific_force_cg.T + lever
+
+
 def record(experiment, rng, *, noise: float = 1.0, name: str = "T1") -> Recorded:
     """Record a scene around a trajectory, with the experiment's white noise (times ``noise``) and the gyro's bias."""
     spec = experiment.trajectories[name]
@@ -60,16 +69,8 @@ def record(experiment, rng, *, noise: float = 1.0, name: str = "T1") -> Recorded
     second = first + broken + 4
     whole = second + broken + 4
     t = jnp.asarray(np.arange(round((whole + duration + 8) * rate)) / rate)
-    motion = sample(
-        Scene(jnp.asarray(whole + duration), sphere, (first, second, whole), broken), t,
-        r_cg_from_still=jnp.zeros(3), gravity=experiment.gravity,
-    )  # fmt: skip
-    body = experiment.body
-    true = jax.jit(jax.vmap(wrench, in_axes=(None, 1, 1, 1)))(
-        body, motion.omega, motion.alpha, motion.specific_force_cg
-    )
-    lever = jax.jit(jax.vmap(acceleration_at, in_axes=(None, 1, 1)))(-body.r_cg_from_q, motion.omega, motion.alpha)
-    signals = [np.array(s) for s in (true.force, true.moment, motion.omega.T, motion.specific_force_cg.T + lever)]
+    scene = Scene(jnp.asarray(whole + duration), sphere, (first, second, whole), broken)
+    signals = [np.array(signal) for signal in _signals(scene, experiment.body, experiment.gravity, t)]
     times = np.asarray(t)
     _mount(times, *signals, rng)
     _knock(times - whole - duration - 3, *signals)

@@ -18,6 +18,9 @@ def trial(omega, r_cg):
     return ordinary_least_squares(force, 0.3 * force[::-1], omega, rate=400.0, r_cg=r_cg, estimator=SPEC)
 
 
+single, several = jax.jit(trial), jax.jit(jax.vmap(trial))
+
+
 @pytest.fixture(scope="module")
 def batch():
     generator = np.random.default_rng(4)
@@ -26,9 +29,8 @@ def batch():
 
 def test_however_it_is_batched_it_is_the_loop(batch):
     omega, r_cg = batch
-    single = jax.jit(trial)
     loop = np.stack([[single(w, r) for r in r_cg] for w in omega])
-    one_axis = jax.jit(jax.vmap(trial))(omega, r_cg)
+    one_axis = several(omega, r_cg)
     np.testing.assert_allclose(one_axis, loop[np.arange(4), np.arange(4)], rtol=1e-12)
     both = jax.jit(jax.vmap(jax.vmap(trial, (None, 0)), (0, None)))(omega, r_cg)
     np.testing.assert_allclose(both, loop, rtol=1e-12)
@@ -37,7 +39,7 @@ def test_however_it_is_batched_it_is_the_loop(batch):
 def test_a_batch_over_devices(batch):
     """Keys that are sharded by an explicit mesh, and members that a shard_map gives to each device."""
     omega, r_cg = batch
-    expected = jax.jit(jax.vmap(trial))(omega, r_cg)
+    expected = several(omega, r_cg)
     explicit = jax.make_mesh((2,), ("trials",), axis_types=(jax.sharding.AxisType.Explicit,))
     spread = [jax.device_put(x, jax.NamedSharding(explicit, jax.P("trials"))) for x in (omega, r_cg)]
     np.testing.assert_allclose(jax.jit(jax.vmap(trial))(*spread), expected, rtol=1e-12)
@@ -49,8 +51,8 @@ def test_a_batch_over_devices(batch):
 
 def test_a_batch_takes_the_memory_of_one(batch):
     """Of what the compiled programs hold beside their inputs: side by side, four members would take four times as much."""
-    one = jax.jit(trial).lower(*(x[0] for x in batch)).compile().memory_analysis().temp_size_in_bytes
-    four = jax.jit(jax.vmap(trial)).lower(*batch).compile().memory_analysis().temp_size_in_bytes
+    one = single.lower(*(x[0] for x in batch)).compile().memory_analysis().temp_size_in_bytes
+    four = several.lower(*batch).compile().memory_analysis().temp_size_in_bytes
     assert four < 2 * one
 
 
@@ -65,9 +67,9 @@ def test_derivatives_of_a_batch(batch):
 
 def test_the_precision_is_that_of_the_signals(batch):
     omega, r_cg = batch[0][0], batch[1][0]
-    narrow = jax.jit(trial)(omega.astype("float32"), r_cg)
+    narrow = single(omega.astype("float32"), r_cg)
     assert narrow.dtype == "float32"
-    np.testing.assert_allclose(narrow, jax.jit(trial)(omega, r_cg), rtol=1e-3, atol=1e-4 * np.abs(narrow).max())
+    np.testing.assert_allclose(narrow, single(omega, r_cg), rtol=1e-3, atol=1e-4 * np.abs(narrow).max())
     alpha = SPEC.derivative(omega, 400.0)
     assert SPEC.derivative(omega.astype("float32"), 400.0).dtype == "float32"
     assert len(alpha) == N - 2 * SPEC.reach(400.0)

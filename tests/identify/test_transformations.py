@@ -121,8 +121,9 @@ def as_number(kernel, seed=0):
     return total
 
 
-DEAR = {"leg forces", "sphere trajectory", "multisine"}
-"""They compile for seconds. Derivatives of the forces: ``motion/test_stewart_platform.py``; another trajectory is here."""
+DEAR = {"leg forces", "sphere trajectory", "multisine", "least squares from sums", "ordinary_least_squares"}
+"""They compile for seconds. Derivatives of the forces: ``motion/test_stewart_platform.py``; another trajectory is here;
+of least squares: ``how-to/derivatives.md``, which ``test_pages.py`` runs."""
 
 
 @pytest.mark.parametrize(

@@ -90,9 +90,9 @@ def test_runs_tell_a_declared_quantity_together():
     [
         ("source", 0.001, ["mass"]),
         ("gls", 0.0, []),
-        ("gls", 0.02, None),
+        pytest.param("gls", 0.02, None, marks=pytest.mark.slow),
         ("joint", 0.001, ["mass"]),
-        ("joint", 0.0, []),
+        pytest.param("joint", 0.0, [], marks=pytest.mark.slow),
     ],
 )
 def test_a_mass_that_is_declared_wrong_is_named(method, sigma, quantities):

@@ -25,7 +25,7 @@ SHORT = {"seconds": 15.0}
 @pytest.mark.parametrize(
     ("method", "still"),
     [
-        ("source", False), ("gls", False), ("joint", False), ("joint", True),
+        ("source", False), ("joint", True), *(pytest.param(method, False, marks=pytest.mark.slow) for method in ("gls", "joint")),
         *(pytest.param(method, True, marks=pytest.mark.study) for method in ("source", "gls")),
     ],
 )  # fmt: skip
@@ -45,11 +45,16 @@ NAMED = [
 
 
 METHODS = ("joint", "source")
+ALIKE = {"flexible mounting", "cross-talk", "gain drift"}
+"""Named as the others are; what they do: runs/identification/test_error_models.py."""
 
 
 @pytest.mark.parametrize(
     ("method", "trouble", "size", "name"),
-    [(METHODS[k % 2], *case) for k, case in enumerate(NAMED)]
+    [
+        pytest.param(METHODS[k % 2], *case, marks=pytest.mark.slow if case[0] in ALIKE else ())
+        for k, case in enumerate(NAMED)
+    ]
     + [pytest.param(METHODS[1 - k % 2], *case, marks=pytest.mark.study) for k, case in enumerate(NAMED)],
 )
 def test_a_trouble_is_named_and_covered(method, trouble, size, name):
@@ -70,7 +75,10 @@ def test_a_long_run_is_judged_by_its_first_part(monkeypatch):
     assert "slip" not in {verdict.cause for verdict in result.consistency}
 
 
-@pytest.mark.parametrize(("mass", "frequency"), [(0.9, 4.0), (0.3, 1.5), (0.03, 1.5)])
+@pytest.mark.parametrize(
+    ("mass", "frequency"),
+    [(0.3, 1.5), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0.9, 4.0), (0.03, 1.5)))],
+)
 def test_what_has_no_name_is_said_first_and_widens_the_interval(mass, frequency):
     """Within the motion's band a liquid is imitated by gains, air and a cable, each of which explains little of it."""
     measured = measure(0, slosh_mass=mass, slosh_frequency=frequency, **SHORT)
@@ -120,7 +128,7 @@ def test_a_gyro_that_is_turned_against_the_accelerometer():
     assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["joint", pytest.param("source", marks=pytest.mark.slow)])
 def test_an_axis_of_the_gyro_that_is_late_is_no_g_sensitivity(method):
     result = identified(measure(3, gyro_axis_delay=(0, 4e-3, 0), **SHORT), method)
     assert [verdict.cause for verdict in result.consistency] == ["delay"]
@@ -134,7 +142,7 @@ def test_stamps_that_jitter_are_the_reason_of_a_refusal():
         identified(measured, "source")
 
 
-@pytest.mark.parametrize("method", ["source", "joint"])
+@pytest.mark.parametrize("method", ["source", pytest.param("joint", marks=pytest.mark.slow)])
 def test_least_squares_and_the_fit_of_force_and_moment_differ(method, monkeypatch):
     """What no cause would name moves the two apart."""
     monkeypatch.setattr("identify.judge.causes.ERRORS", {})

@@ -122,15 +122,14 @@ def test_equations_with_weights_held_fixed_are_not_symmetric(generator):
     matrices = np.einsum("tki,tkj->tij", matrices, matrices + 0.1 * generator.normal(size=matrices.shape))
     right = generator.normal(size=(4, 6))
     expected = np.linalg.solve(matrices, right[..., None])[..., 0]
-    trailing = solve_normal(jnp.moveaxis(jnp.asarray(matrices), 0, -1), jnp.asarray(right.T))
-    mapped = jax.vmap(solve_normal)(jnp.asarray(matrices), jnp.asarray(right))
+    trailing = jax.jit(solve_normal)(jnp.moveaxis(jnp.asarray(matrices), 0, -1), jnp.asarray(right.T))
+    mapped = jax.jit(jax.vmap(solve_normal))(jnp.asarray(matrices), jnp.asarray(right))
     np.testing.assert_allclose(trailing.inertia.T, expected, rtol=1e-9)
     np.testing.assert_allclose(mapped.inertia, expected, rtol=1e-9)
     np.testing.assert_allclose(
         mapped.condition, np.linalg.norm(matrices, axis=(1, 2)) * np.linalg.norm(np.linalg.inv(matrices), axis=(1, 2))
     )
     change = generator.normal(size=(6, 6))
-    slope = jax.jvp(
-        lambda m: solve_normal(m, jnp.asarray(right[0])).inertia, (jnp.asarray(matrices[0]),), (jnp.asarray(change),)
-    )[1]
+    solved = lambda m: solve_normal(m, right[0]).inertia  # noqa: E731
+    slope = jax.jit(lambda m, by: jax.jvp(solved, (m,), (by,))[1])(matrices[0], change)
     np.testing.assert_allclose(slope, -np.linalg.solve(matrices[0], change @ expected[0]), rtol=1e-8)

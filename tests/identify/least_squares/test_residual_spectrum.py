@@ -23,7 +23,9 @@ def test_axes_that_drift_do_not_slope_the_spectrum_of_one_that_does_not(generato
     assert 0.75 < np.mean(shown) / np.mean(there) < 1.3
 
 
-@pytest.mark.parametrize("error", ["drift", "turned", "follows, rig"])
+@pytest.mark.parametrize(
+    "error", ["drift", *(pytest.param(error, marks=pytest.mark.slow) for error in ("turned", "follows, rig"))]
+)
 def test_errors_of_half_a_second_are_of_the_size_that_the_residuals_say(error):
     """40 runs behind a low-pass of 10 Hz: a ratio of some three independent components has 7 % standard error.
 

@@ -16,6 +16,7 @@ def multisine():
     return unstaged_multisine()
 
 
+@pytest.mark.slow  # in stages: test_stages.py
 def test_a_multisine_turns_as_its_rotation_vector_says(multisine):
     t = jnp.arange(0.0, 20.0, 1 / 400)
     rotation = jax.jit(lambda t: attitude(multisine.omega, t))(t)[::400]
@@ -25,11 +26,8 @@ def test_a_multisine_turns_as_its_rotation_vector_says(multisine):
 
 def test_a_multisine_rests_at_both_ends(multisine):
     ends = jnp.array([0.0, 20.0])
-    for values in (
-        jax.jit(jax.vmap(multisine.coordinates))(ends),
-        jax.jit(jax.vmap(multisine.omega))(ends),
-        jax.jit(jax.vmap(multisine.alpha))(ends),
-    ):
+    motion = jax.jit(jax.vmap(lambda at: (multisine.coordinates(at), multisine.omega(at), multisine.alpha(at))))
+    for values in motion(ends):
         np.testing.assert_allclose(values, 0, atol=1e-30)
 
 
@@ -43,5 +41,5 @@ def test_a_multisines_specific_force_is_that_of_its_path(multisine):
     acceleration = (place[2:] - 2 * place[1:-1] + place[:-2]) * rate**2
     expected = rotation[1:-1].inv().apply(acceleration + [0, 0, 9.81])
     whole = jnp.arange(0.0, 8.0, 1 / rate)
-    motion = sample(multisine, whole, r_cg_from_still=offset, gravity=np.array(9.81))
-    np.testing.assert_allclose(motion.specific_force_cg.T[12001:-1], expected, atol=2e-5)
+    sampled = jax.jit(lambda t: sample(multisine, t, r_cg_from_still=offset, gravity=np.array(9.81)).specific_force_cg)
+    np.testing.assert_allclose(sampled(whole).T[12001:-1], expected, atol=2e-5)

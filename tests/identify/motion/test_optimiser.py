@@ -92,7 +92,7 @@ def test_the_bound_is_tight_and_below_everything(generator):
     slope = jax.jit(jax.value_and_grad(primal))
     values = [
         scipy_minimize(lambda x: tuple(map(np.asarray, slope(x))), generator.normal(size=36), jac=True).fun
-        for _ in range(3)
+        for _ in range(1)
     ]
     assert bound <= min(values)
     np.testing.assert_allclose(bound, min(values), rtol=5e-3)

@@ -59,9 +59,9 @@ def test_a_device_clock_that_is_set_anew_is_followed_after_twenty_samples(source
 
 
 def test_late_arrivals_are_no_jumps(source):
-    """Sixty seconds of samples that come all at once."""
-    times = SECOND + np.arange(60_000) * 1_000_000
-    arrivals = np.maximum(times, 61 * SECOND * (times > 2 * SECOND))
+    """Twenty seconds of samples that come all at once."""
+    times = SECOND + np.arange(20_000) * 1_000_000
+    arrivals = np.maximum(times, 21 * SECOND * (times > 2 * SECOND))
     stamps(source, times.tolist(), arrivals.tolist())
     assert source.clock_jumps == 0
     assert all("waited to be read" in text for text in source.troubles)

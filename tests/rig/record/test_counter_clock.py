@@ -33,7 +33,9 @@ def rms(values):
     return np.sqrt(np.mean(np.square(values.astype(float))))
 
 
-@pytest.mark.parametrize("width", [2**8, pytest.param(2**16, marks=pytest.mark.study), 2**32])
+@pytest.mark.parametrize(
+    "width", [2**8, pytest.param(2**16, marks=pytest.mark.study), pytest.param(2**32, marks=pytest.mark.slow)]
+)
 def test_a_counter_stamps_thirty_times_better_than_arrivals(source, generator, width):
     """Three minutes and losses of up to a second; the counter wraps."""
     number = np.arange(71_900)

@@ -50,28 +50,31 @@ def prediction(request):
     return PredictedWrench(model, theta)
 
 
-@pytest.fixture(scope="module")
-def oracle(prediction):
-    """The rows that count: residuals and their derivatives by every unknown."""
-    residuals = partial(joint_oracle.residuals, prediction.model)
-    both = jax.jit(lambda theta: (residuals(theta), jax.jacfwd(residuals)(theta)))(jnp.asarray(prediction.theta))
-    return [np.asarray(values)[prediction.model.used] for values in both]
+def oracle(prediction, change=lambda function: function):
+    """The residuals of the rows that count, or their derivatives by every unknown."""
+    residuals = jax.jit(change(partial(joint_oracle.residuals, prediction.model)))
+    return np.asarray(residuals(jnp.asarray(prediction.theta)))[prediction.model.used]
 
 
-def test_the_residuals_are_the_oracles(prediction, oracle):
-    expected, _ = oracle
+def test_the_residuals_are_the_oracles(prediction):
+    expected = oracle(prediction)
     counted = prediction.counted(prediction.residuals[:, :, None])[:, :, 0]
     np.testing.assert_allclose(counted, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_the_columns_are_its_derivatives(prediction, oracle):
+@pytest.mark.parametrize(
+    "prediction",
+    ["accelerometer", *(pytest.param(way, marks=pytest.mark.slow) for way in ("still", "none"))],
+    indirect=True,
+)  # of the others by differences: runs/identification/test_error_models.py
+def test_the_columns_are_its_derivatives(prediction):
     """But for the attitude's change, an integral whose quadrature is not the attitude's own."""
-    model = prediction.model
+    model, derivatives = prediction.model, oracle(prediction, jax.jacfwd)
     for unknown, where in SLICES.items():
         if unknown in BY_ACT:  # whose columns are those of their act
             continue
         columns = prediction.counted(prediction.derivative(unknown))
-        expected = -oracle[1][:, :, where]
+        expected = -derivatives[:, :, where]
         integrated = unknown in ("gyro_scale", "gyro_bias", "gyro_drift", "wander") and model.specific_force == "still"
         within = (2e-5 if integrated else 1e-9) * max(np.abs(expected).max(), 1e-3)
         np.testing.assert_allclose(columns, expected, rtol=0, atol=within, err_msg=unknown)

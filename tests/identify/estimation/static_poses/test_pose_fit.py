@@ -11,13 +11,16 @@ from identify.estimation.static_poses.pose_fit import EXACT, PoseSignals, fit
 from identify.exceptions import RunError
 from tests.helpers.pose_lab import CASES, MASS, R_CG, coverage, directions, series, wrench_of
 
-FAST = {"limited tilt, uneven noise"}
+FAST = "limited tilt, uneven noise"
 
 
-@pytest.mark.parametrize("case", [pytest.param(case, marks=() if case in FAST else pytest.mark.slow) for case in CASES])
-def test_intervals_hold_the_truth(case):
-    """150 series x 10 parameters: below 88 % (four standard errors of 1.8 %) once in 10,000 for each."""
-    assert coverage(case, 150).min() > 0.88
+@pytest.mark.parametrize(
+    ("case", "count", "least"),
+    [(FAST, 60, 0.84), *(pytest.param(case, 150, 0.88, marks=pytest.mark.slow) for case in CASES)],
+)
+def test_intervals_hold_the_truth(case, count, least):
+    """Of so many series, 10 parameters each: four standard errors, of 1.8 % or 2.8 %, below 95 % once in 10,000 for each."""
+    assert coverage(case, count).min() > least
 
 
 @pytest.mark.study

@@ -76,6 +76,7 @@ def test_poses_motion_and_efforts_are_mujocos(chain, model, generator):
     np.testing.assert_allclose(ours.effort, data.qfrc_inverse, atol=1e-10)
 
 
+@pytest.mark.slow  # of the chain: MuJoCo's above; of the series: below
 def test_the_motion_is_the_derivative_of_the_pose(chain):
     """Of the pose alone, by JAX: omega of R' = R [omega]×, the acceleration of Q by p''."""
     series = JointSeries(
@@ -118,3 +119,7 @@ def test_a_series_starts_and_ends_at_home_at_rest():
     np.testing.assert_allclose(states.position[3] - series.home, 1 + np.cos(2 * np.pi) + np.sin(2 * np.pi))
     np.testing.assert_allclose(states.position[4] - series.home, np.cos(8 * np.pi) + np.sin(8 * np.pi))
     np.testing.assert_allclose(states.speed[3], np.pi)
+    h = 1e-4  # within a ramp
+    states = series.states(np.array([0.4 - h, 0.4, 0.4 + h, 0.0, 0.0]))
+    np.testing.assert_allclose((states.position[2] - states.position[0]) / (2 * h), states.speed[1], rtol=1e-6)
+    np.testing.assert_allclose((states.speed[2] - states.speed[0]) / (2 * h), states.acceleration[1], rtol=1e-6)

@@ -125,7 +125,7 @@ def identified(tmp_path, seed, method, *, shared=True):
     return measured, identify_files([path], experiment, centre=tmp_path / "c.json")
 
 
-@pytest.mark.parametrize(("method", "runs"), [pytest.param("source", 2, marks=pytest.mark.slow), ("joint", 2), pytest.param("gls", 2, marks=pytest.mark.study),
+@pytest.mark.parametrize(("method", "runs"), [pytest.param("source", 2, marks=pytest.mark.slow), pytest.param("joint", 2, marks=pytest.mark.slow), pytest.param("gls", 2, marks=pytest.mark.study),
                          *(pytest.param(m, 20, marks=pytest.mark.study) for m in ("source", "gls", "joint"))])  # fmt: skip
 def test_errors_of_all_ten_are_as_large_as_the_uncertainty_says(folder, method, runs):
     """Root mean square of errors over u of mass, centre and tensor together; 20 runs each in the study."""

@@ -47,7 +47,7 @@ def clean(method):
 @pytest.mark.parametrize(
     "errors",
     [
-        {"gyro_scale": (6e-4, -8e-4, 4e-4)},
+        pytest.param({"gyro_scale": (6e-4, -8e-4, 4e-4)}, marks=pytest.mark.slow),
         pytest.param({"cell_scale": (4e-4, -6e-4, 2e-4, 5e-4, -3e-4, 6e-4)}, marks=pytest.mark.study),
         {"cross_talk": 0.03},
         pytest.param({"r_cg": (2e-5, -2e-5, 4e-5)}, marks=pytest.mark.study),
@@ -109,9 +109,9 @@ def test_the_centre_of_gravity_widens_gls_by_its_own_derivative(tmp_path):
     np.testing.assert_allclose(ours.contributions["r_cg"], known, rtol=0.03, atol=3e-3 * known.max())
 
 
-def test_the_forces_noise_does_not_draw_the_centre_of_gravity():
+def test_the_forces_noise_does_not_draw_the_centre_of_gravity(short):
     """The noise of F is in ``M - r × F`` too: a fit that takes it for a sign of r's error misses I22 by its uncertainty."""
-    experiment = Experiment.load("barreto2016")
+    experiment = short
     run, stated = simulate(experiment, "T1", seed=0).run, (0.15e-3, 0.13e-3, 0.16e-3)
     weighted, plain = (
         identify(

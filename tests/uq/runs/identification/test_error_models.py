@@ -133,7 +133,7 @@ TENSOR = replace(ERRORS["moving_part"], name="tensor", act=lambda state, packed:
 SMALL = {"mounting_frequency": 1e-5, "nonlinearity": 1e-6}
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", [*WAYS[:2], pytest.param(WAYS[2], marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "error", [error for error in ERRORS.values() if error.name != "moving_part"], ids=lambda e: e.name
 )

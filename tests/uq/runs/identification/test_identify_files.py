@@ -70,8 +70,13 @@ def test_a_run_rewritten_in_another_rigs_conventions_gives_the_same_tensor(folde
         assert said not in " ".join(result.assumptions)
 
 
-@pytest.mark.parametrize("axes", [0, slice(None)])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    ("value", "axes"),
+    [
+        (np.nan, 0), (np.inf, slice(None)),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((np.nan, slice(None)), (np.inf, 0))),
+    ],
+)  # fmt: skip
 def test_a_signal_that_is_never_a_number_is_not_used_or_refused(folder, short, signals, axes, value):
     """Without the accelerometer the tensor is that of a run without; nothing stands for gyro or load cell."""
 
@@ -176,10 +181,10 @@ def test_a_unit_that_there_is_not_and_metadata_that_is_no_json(folder, short, si
 
 
 @pytest.fixture(scope="module")
-def fine(short):
+def fine(brief):
     """T1 at 1 kHz: noisy, and without any error."""
-    spec = dataclasses.replace(short.trajectories["T1"], rate=1000.0)
-    noisy = dataclasses.replace(short, trajectories={"T1": spec})
+    spec = dataclasses.replace(brief.trajectories["T1"], rate=1000.0)
+    noisy = dataclasses.replace(brief, trajectories={"T1": spec})
     silent = silenced(noisy)
     return Signals.of(simulate(noisy, "T1")), Signals.of(simulate(silent, "T1"))
 
@@ -212,7 +217,13 @@ def test_the_load_cells_noise_does_not_fold_into_the_slow_imus_band(whole_and_sl
 
 
 @pytest.mark.parametrize(
-    ("late", "counted"), [("even", True), study("even", False), ("long", False), study("symmetric", False)]
+    ("late", "counted"),
+    [
+        ("even", True),
+        study("even", False),
+        pytest.param("long", False, marks=pytest.mark.slow),
+        study("symmetric", False),
+    ],
 )
 def test_bare_headers_and_late_arrivals(folder, short, fine, whole_and_slow, generator, late, counted):
     noisy, silent = fine

@@ -74,9 +74,14 @@ def silent_run(silent):
     return silent.run
 
 
-def test_a_silent_run_tells_tensor_delay_and_rotation(brief, silent_run):
+@pytest.fixture(scope="module")
+def of_silent_run(brief, silent_run):
+    return estimate(brief, dataclasses.replace(silent_run, mounting="A"))
+
+
+def test_a_silent_run_tells_tensor_delay_and_rotation(brief, of_silent_run):
     """A simulated run with an IMU late by 7 ms and turned by 2.2°; the low-pass is flat within 1e-7."""
-    result = estimate(brief, dataclasses.replace(silent_run, mounting="A"))
+    result = of_silent_run
     np.testing.assert_allclose(result.inertia, brief.inertia, atol=5e-7 * brief.inertia.max())
     np.testing.assert_allclose(result.delay.value, [DELAY], atol=1e-8)
     np.testing.assert_allclose(result.rotation.value, ROTATION, atol=1e-6)
@@ -110,6 +115,7 @@ def test_a_delay_beyond_what_is_declared_is_refused(brief):
         estimate(brief, run)
 
 
+@pytest.mark.slow  # and the delay of a silent run: above
 def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
     """At any delay: value and slope of the quintic spline against the closed form, at rest of the filter's lag."""
     run = simulate(silenced(brief), "T1").run
@@ -123,9 +129,9 @@ def test_between_the_samples_stands_the_trajectorys_own_motion(brief):
     np.testing.assert_allclose(alpha, jax.jit(jax.vmap(trajectory.alpha))(at), atol=4e-6)
 
 
-def test_its_trace_is_silent_where_the_run_is(brief, silent_run):
+def test_its_trace_is_silent_where_the_run_is(silent_run, of_silent_run):
     """What figures draw: residuals of nothing but rounding, the motion turned into B."""
-    trace = estimate(brief, silent_run).runs[0].trace
+    trace = of_silent_run.runs[0].trace
     size = trace.moment_density.max()
     assert trace.residual_density.max() < 1e-5 * size
     speed = np.linalg.norm(trace.omega, axis=1)
@@ -277,6 +283,7 @@ def test_the_price_of_the_point_at_rest(preset):
     assert (of[1e-2] < 1.045 * of[0.0]).all()
 
 
+@pytest.mark.slow  # of one run and of several: the bound and pooled runs above
 def test_intervals_of_a_few_laboratories_cover(brief):
     """6 runs x 13 intervals: were the 13 of a run wholly correlated, 95 % has a standard error of 8.9 %."""
     errors, sigma, shares = joint_studies.laboratories(brief, [3], 6)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -57,10 +58,15 @@ CAUSES = {
 }
 
 
+@pytest.fixture(scope="module")
+def verdicts_of(short, silent):
+    """What is said of a run with a cause."""
+    return cache(lambda cause: judged(short, noisy(CAUSES[cause](silent.run, silent.rotation[:, 2, :]), 5)))
+
+
 @pytest.mark.parametrize("cause", CAUSES)
-def test_each_cause_is_named_and_it_alone(short, silent, cause):
-    run = noisy(CAUSES[cause](silent.run, silent.rotation[:, 2, :]), 5)
-    verdicts = judged(short, run)
+def test_each_cause_is_named_and_it_alone(verdicts_of, cause):
+    verdicts = verdicts_of(cause)
     assert len(verdicts) == 1, verdicts
     assert verdicts[0].cause == cause or cause in verdicts[0].text  # as probable as the one that is named
     assert 1e-3 < verdicts[0].share < 1
@@ -68,24 +74,24 @@ def test_each_cause_is_named_and_it_alone(short, silent, cause):
 
 
 @pytest.mark.parametrize(
-    ("scale", "runs"), [(10.0, 4), *(pytest.param(scale, 100, marks=pytest.mark.study) for scale in (1.0, 10.0))]
+    ("scale", "runs"), [(10.0, 2), *(pytest.param(scale, 100, marks=pytest.mark.study) for scale in (1.0, 10.0))]
 )
 def test_clean_runs_say_nothing(short, silent, scale, runs):
     """Twenty-four tests at 1e-4 a run, and a more probable cause than none."""
     assert [judged(short, noisy(silent.run, seed, scale)) for seed in range(runs)] == [()] * runs
 
 
-def test_figures_are_those_that_were_put_in(short, silent):
-    delay = judged(short, noisy(CAUSES["delay"](silent.run, None), 6))[0]
+def test_figures_are_those_that_were_put_in(verdicts_of):
+    delay = verdicts_of("delay")[0]
     late = float(delay.text.split("lagged by ")[1].split(" ±")[0])
     assert late == pytest.approx(4.0, abs=0.3)
-    tone = judged(short, noisy(CAUSES["resonance"](silent.run, None), 6))[0]
+    tone = verdicts_of("resonance")[0]
     assert "a line at 23.4 Hz" in tone.text
     assert tone.axis == "b1"
-    turned = judged(short, noisy(CAUSES["rotation"](silent.run, None), 6))[0]
+    turned = verdicts_of("rotation")[0]
     degrees = [abs(float(text.replace("−", "-"))) for text in re.findall(r"([−.\d]+) ±", turned.text)]
     np.testing.assert_allclose(degrees, np.degrees([0.02, 0.03, 0.02]), atol=0.2)
-    drift = judged(short, noisy(CAUSES["drift"](silent.run, None), 6))[0]
+    drift = verdicts_of("drift")[0]
     assert drift.axis == "b1"
 
 

@@ -86,7 +86,8 @@ def test_what_air_lifts_is_a_rival_of_the_mass_about_a_point_at_rest(tmp_path):
     assert covers(cured, measured.truth)
 
 
-def test_an_accelerometer_tells_a_lift_from_a_wrong_mass(tmp_path):
+@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow)])
+def test_an_accelerometer_tells_a_lift_from_a_wrong_mass(tmp_path, method):
     """No mass, no gain, no centre of gravity is blamed; the method that the line names is right."""
     measured = lifted(measure(3, **SHORT), 3.0)
     joint, _ = identified(measured, tmp_path, "joint")
@@ -94,11 +95,10 @@ def test_an_accelerometer_tells_a_lift_from_a_wrong_mass(tmp_path):
     assert not [text for text in joint.warnings if "comes to" in text]
     component, by = shifts(line(joint, "weight"), "methods source and gls take the force as it is")
     assert 1e3 * (joint.inertia - measured.truth)[component] == pytest.approx(by, rel=0.3)
-    for method in ("source", "gls"):
-        result, _ = identified(measured, tmp_path, method)
-        assert {verdict.cause for verdict in result.consistency} <= {"weight"}
-        assert np.ptp(result.interval95, axis=1).max() < np.ptp(joint.interval95, axis=1).max()
-        assert covers(result, measured.truth)
+    result, _ = identified(measured, tmp_path, method)
+    assert {verdict.cause for verdict in result.consistency} <= {"weight"}
+    assert np.ptp(result.interval95, axis=1).max() < np.ptp(joint.interval95, axis=1).max()
+    assert covers(result, measured.truth)
 
 
 @pytest.mark.parametrize("still", [pytest.param(True, marks=pytest.mark.slow), False])
@@ -125,6 +125,7 @@ def test_a_forgotten_adapter_is_a_rival_of_the_mass(tmp_path, still):
     assert covers(tare_files(both, [], experiment), measured.truth)
 
 
+@pytest.mark.slow  # gravity, air and adapter are others: above
 def test_a_gain_that_force_and_moment_share_is_a_rival_of_the_mass(tmp_path):
     measured = measure(3, still=True, cell_gain=(0.02,) * 6, **SHORT)
     result, _ = identified(measured, tmp_path, "source")
@@ -138,7 +139,8 @@ def test_a_gain_that_force_and_moment_share_is_a_rival_of_the_mass(tmp_path):
     assert covers(calibrated, measured.truth)
 
 
-@pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow)])
+@pytest.mark.slow  # by inspection: runs/inspection/test_rotation_findings.py
+@pytest.mark.parametrize("method", ["source", "gls"])
 def test_a_rotated_load_cell_is_a_rival_of_the_imu(tmp_path, method):
     measured = measure(3, still=True, cell_turn=(0.0, 0.0, np.radians(1.0)), **SHORT)
     result, _ = identified(measured, tmp_path, method)

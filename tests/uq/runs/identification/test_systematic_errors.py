@@ -240,12 +240,10 @@ def test_draws_without_a_solution_are_counted_and_left_out(short, monkeypatch):
 
     loop, step = systematic_errors.all_trials, 10
     monkeypatch.setattr(systematic_errors, "all_trials", some_fail)
-    after = with_declared_sources(before, [run], experiment)
-    assert "1,000 of 10,000 draws of the declared sources leave no solution: they are left out" in after.warnings
+    after = with_declared_sources(before, [run], experiment, trials=1000)
+    assert "100 of 1,000 draws of the declared sources leave no solution: they are left out" in after.warnings
     assert np.isfinite(after.interval95).all()
     assert (after.contributions["M_gain"] > 0).any()
     step = 1
-    with pytest.raises(
-        RunError, match="10,000 of 10,000 draws of the declared sources leave no solution: state smaller"
-    ):
-        with_declared_sources(before, [run], experiment)
+    with pytest.raises(RunError, match="1,000 of 1,000 draws of the declared sources leave no solution: state smaller"):
+        with_declared_sources(before, [run], experiment, trials=1000)

@@ -9,6 +9,7 @@ from identify.identification import identify
 from identify.results.ledger import type_a_rows
 from identify.signals.run import RunError
 from tests.helpers import laboratory_files
+from tests.helpers.changed_result import not_judged
 from tests.helpers.equal_runs import OWN, pooled
 from tests.helpers.laboratory import measure
 from tests.helpers.laboratory_files import identified_files
@@ -117,6 +118,7 @@ def named_truly(runs, folder, method, names):
     return identified_files(runs, folder, method, declared, {"drawn_by_mounting": ["r_cg"]}, mountings=names)
 
 
+@pytest.mark.slow  # of a body inside the edge: the last test here
 def test_a_possible_tensor_knows_what_mountings_draw_too(tmp_path, few_draws, unjudged):
     """A plate's tensor lies on the edge of what bodies have: half of all estimates are moved to a possible one."""
     shifts = np.random.default_rng([77, 1]).normal(0, REMOUNTED, (3, 3))
@@ -127,6 +129,7 @@ def test_a_possible_tensor_knows_what_mountings_draw_too(tmp_path, few_draws, un
     assert result.warnings == ()
 
 
+@pytest.mark.slow  # two runs of each: below
 def test_mountings_whose_centres_differ_are_no_error_of_the_rig(tmp_path, few_draws):
     """The base turns about a point at rest, from which each mounting has another distance, too."""
     shifts = np.random.default_rng([77, 0]).normal(0, REMOUNTED, (3, 3))
@@ -137,14 +140,18 @@ def test_mountings_whose_centres_differ_are_no_error_of_the_rig(tmp_path, few_dr
 @pytest.mark.parametrize(
     "method", ["source", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gls", "joint"))]
 )
-def test_names_of_mountings_are_silent_if_true_and_left_out_if_wrong(tmp_path, few_draws, unjudged, remounted, method):
+def test_names_of_mountings_are_silent_if_true_and_left_out_if_wrong(
+    tmp_path, few_draws, remounted, method, monkeypatch
+):
     def named(names):
         return named_truly(remounted, tmp_path, method, names)
 
     def holds(result):
         return (np.abs(result.inertia - remounted[0].truth) < np.ptp(result.interval95, axis=1) / 2).all()
 
-    true, wrong, without = named(list("AABBCC")), named(list("ABCABC")), named(None)
+    true = named(list("AABBCC"))
+    monkeypatch.setattr("identify.identification.judged", not_judged)
+    wrong, without = named(list("ABCABC")), named(None)
     assert true.warnings == ()
     assert true.consistency == ()
     assert holds(true)

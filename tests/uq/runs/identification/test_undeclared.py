@@ -58,6 +58,11 @@ def by_source(measured, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def of_arrays(measured):
+    return identified(measured)
+
+
+@pytest.fixture(scope="module")
 def silent():
     return measure(1, noise=0.0, drawn=0.0, **SHORT)
 
@@ -110,6 +115,7 @@ def test_least_squares_is_off_as_the_table_says(name, measured, silent, by_sourc
     np.testing.assert_allclose(added(by_source)[name][4:], off, atol=within * np.abs(off).max())
 
 
+@pytest.mark.slow  # by its derivative: test_declared_gls.py
 def test_generalised_least_squares_is_off_as_the_table_says(measured, monkeypatch):
     """Its weights are learnt anew from the spoiled recording: 7 % of the largest."""
     result = looked_at(measured, "gls")
@@ -281,10 +287,11 @@ def test_the_conventional_bound_holds_both_kinds_of_errors(by_source):
 
 
 @pytest.mark.parametrize(("cause", "has_typical_size"), [("gyro scale", False), ("gain", True)])
-def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(measured, cause, has_typical_size):
+def test_what_the_runs_tell_of_an_error_takes_the_place_of_its_typical_size(
+    measured, of_arrays, cause, has_typical_size
+):
     """Of a gain the runs tell a part of its six numbers alone."""
-    plain = identified(measured)
-    named = replace(plain, consistency=(ResidualCause(cause, "b1", 0.5, "", changes=(0.0,) * 10),))
+    named = replace(of_arrays, consistency=(ResidualCause(cause, "b1", 0.5, "", changes=(0.0,) * 10),))
     added = with_undeclared(named, [run_of(measured)], Experiment.from_dict(document(measured, "source"))).undeclared
     name = {"gyro scale": "gyro_scale", "gain": "moment_gain"}[cause]
     assert (name in [row.error for row in added.rows if row.changes[4:].any()]) is has_typical_size
@@ -300,6 +307,7 @@ def test_a_small_cause_is_a_note_where_the_mass_is_not_known_either(by_source):
         assert noted_cause.note
 
 
+@pytest.mark.slow  # by least squares: the_experiment_has_its_own_figures; jointly: the_joint_estimate
 def test_an_exact_mass_and_centre_err_as_the_table_says(still, refit):
     """The joint estimate keeps both as stated: against one with another mass or, a tenth as far off, centre; 4 % of the largest."""
     content = document(still, "joint")
@@ -345,8 +353,7 @@ def test_it_is_said_in_a_line_in_result_json_and_on_the_certificate(by_source):
     assert "conventional bound, k = 2" in by_source.tables()[0].head
 
 
-def test_arrays_say_how_large_the_conventional_bound_is_at_least(measured):
+def test_arrays_say_how_large_the_conventional_bound_is_at_least(of_arrays):
     """By a scale of the gyro of 0.3 %, by which the whole tensor is off: twice it."""
-    result = identified(measured)
-    (line,) = (note for note in result.notes() if note.startswith("undeclared errors"))
-    assert f"± {2 * 3 * np.abs(result.inertia).max():.1f} g·m² to I33; uq.with_undeclared" in line
+    (line,) = (note for note in of_arrays.notes() if note.startswith("undeclared errors"))
+    assert f"± {2 * 3 * np.abs(of_arrays.inertia).max():.1f} g·m² to I33; uq.with_undeclared" in line

@@ -47,7 +47,7 @@ def test_a_delay_is_no_filter_and_hides_none(clean, late):
     assert 2 * np.pi * finding.time_constant == pytest.approx(1 / CORNER, rel=0.05)
 
 
-@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize("late", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_of_a_slow_motion_delay_and_low_pass_are_both_named(tmp_path, monkeypatch, late):
     """The lag of 5 Hz looked like a turn of the axes by 0.7 deg; the cure that is right leads to the mass."""
     angles = posed_runs._angles

@@ -91,7 +91,7 @@ def test_the_import_of_the_attitude_that_is_told_leads_to_the_truth(tmp_path):
     assert covers(identify_files([tmp_path / "run.mcap"], Experiment.from_dict(content)), measured.truth)
 
 
-@pytest.mark.parametrize("order", ["XYZ", "YXZ"])
+@pytest.mark.parametrize("order", ["XYZ", pytest.param("YXZ", marks=pytest.mark.slow)])
 def test_other_angles_are_told_by_their_order(tmp_path, order):
     rates = with_rates(measure(4, seconds=SECONDS), order)
     (finding,) = judged(write(tmp_path / "run.mcap", rates), document(rates))

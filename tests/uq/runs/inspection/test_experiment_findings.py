@@ -84,7 +84,7 @@ def suspected(setup, removed=0.0):
     return convention_warnings(run_of(measured), Experiment.from_dict(document(measured)))
 
 
-@pytest.mark.parametrize("time", [6.0, 40.0, 180.0])
+@pytest.mark.parametrize("time", [40.0, *(pytest.param(time, marks=pytest.mark.slow) for time in (6.0, 180.0))])
 @pytest.mark.parametrize("size", [-30.0, 3.0])
 def test_a_zero_that_warms_up_is_no_weight_that_a_driver_removed(time, size):
     assert suspected({"warming": (size, 0, 0, 0, 0, 0), "warming_time": time, "seconds": 15.0}) == ()

@@ -64,7 +64,7 @@ def test_what_was_done_is_named_with_a_cure_that_silences_and_restores(tmp_path,
 BOTH_CURES = ("permuted load-cell axes",)  # either sensor may be the turned one: the line for the IMU stands first
 
 
-@pytest.mark.parametrize("height", [-0.1, 0.045, 0.06])
+@pytest.mark.parametrize("height", [-0.1, 0.045, pytest.param(0.06, marks=pytest.mark.slow)])
 def test_a_point_is_named_before_units_of_two_systems_and_wherever_it_is_as_well(tmp_path, height):
     """The measured force, from which another point's moment is made, brings its noise along: it must not shift the point."""
     run = elsewhere(good(), np.array([0.0, 0.0, height]))
@@ -121,9 +121,12 @@ def test_identify_warns(tmp_path, name):
     assert [text for text in result.warnings if text.startswith("suspicious run.mcap: ")]
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(k, marks=pytest.mark.study) for k in range(4, 20))])
+@pytest.mark.parametrize(
+    "seed",
+    [*range(2), *(pytest.param(k, marks=pytest.mark.slow if k < 4 else pytest.mark.study) for k in range(2, 20))],
+)
 def test_neither_says_a_word_of_a_clean_run(tmp_path, seed):
-    """Four bodies, in the study twenty, of 0.5 to 120 kg under T1 to T4, with IMUs off the point Q. By chance: below 1e-6 a run."""
+    """Two bodies, of slow tests four, in the study twenty, of 0.5 to 120 kg under T1 to T4, with IMUs off the point Q. By chance: below 1e-6 a run."""
     run = clean(seed)
     path = run.write(tmp_path / "run.mcap")
     assert inspect_run(path).findings == []
@@ -153,13 +156,13 @@ def test_without_an_accelerometer_nothing_is_found(tmp_path):
 def test_of_a_long_free_flight_nothing_is_said(generator):
     """Four seconds: an orbit, a parabola. The force is zero, the moment a flywheel's; the lever alone makes 2 m/s²."""
     judged_flights = 0
-    for seed in range(12):
+    for seed in range(5):
         imu = throw(seed, seconds=(4.0, 4.0), rate=200.0)
         moment = np.gradient(imu.angular_velocity, imu.time, axis=0) * [0.1, 0.2, 0.25]
         wrench = WrenchSignal(imu.time, 0.01 * generator.normal(size=moment.shape), moment)
         judged_flights += float(np.linalg.norm(imu.specific_force.mean(axis=0))) > 2
         assert wrench_findings(wrench, imu, DeclaredRig(mass=1.0), wrench_topic="w", imu_topic="i") == []
-    assert judged_flights > 3
+    assert judged_flights > 1
 
 
 def test_the_command_takes_an_experiment(tmp_path, capsys):

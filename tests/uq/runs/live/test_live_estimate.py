@@ -1,5 +1,6 @@
 """The estimate from sums over blocks: that of the whole run, as ``inertia identify`` has it."""
 
+import copy
 import dataclasses
 from pathlib import Path
 
@@ -57,6 +58,16 @@ def common(tmp_path_factory, signals):
     return recordings.write(tmp_path_factory.mktemp("common") / "run.mcap", signals)
 
 
+@pytest.fixture(scope="module")
+def sums(ten_seconds, common):
+    return sums_of(common, ten_seconds)
+
+
+@pytest.fixture(scope="module")
+def late_sums(ten_seconds, common):
+    return sums_of(common, with_delay(ten_seconds))
+
+
 def test_blocks_join_without_a_seam(ten_seconds, common):
     """Common, uniform instants: the same numbers as least squares on all samples, but for rounding."""
     sums = sums_of(common, ten_seconds, pieces=7)
@@ -77,10 +88,10 @@ def with_delay(experiment):
     return Experiment.from_dict({**document, "source": [*document["source"], delay]})
 
 
-def test_the_uncertainty_is_about_that_of_the_whole_run(ten_seconds, common):
+def test_the_uncertainty_is_about_that_of_the_whole_run(ten_seconds, common, late_sums):
     """Other windows of frequency, at some 30 degrees of freedom; fewer draws of the sources, a delay among them."""
     experiment = with_delay(ten_seconds)
-    live = estimated(sums_of(common, experiment), experiment)
+    live = estimated(late_sums, experiment)
     final, sources = declared(common, experiment)
     np.testing.assert_allclose(live.type_a, final.pooling.half_width, rtol=0.15)
     np.testing.assert_allclose(live.of_sources, sources, rtol=0.08)
@@ -153,12 +164,12 @@ def test_noise_that_falls_too_slowly_to_be_told_costs_little(power):
     assert 0.9 < np.mean(means) < 1.0
 
 
-def test_the_variance_scatters_as_its_degrees_of_freedom_say(ten_seconds, common):
+def test_the_variance_scatters_as_its_degrees_of_freedom_say(ten_seconds, sums):
     """Drawn white noise at the spectrum of a motion of 100 s: the variance is the textbook's, its scatter √(2/freedom).
 
     300 draws tell the scatter within 4 %. Which bands agree is chance, too, which widens it by some 30 %.
     """
-    sums = sums_of(common, ten_seconds)
+    sums = copy.deepcopy(sums)
     for name in ("products", "spectra", "lines", "gain"):
         setattr(sums, name, 10 * getattr(sums, name))
     wrench = np.arange(13, 19)
@@ -192,16 +203,16 @@ def declared(path, experiment):
     return result, np.hypot(half, 1.96 * result.contributions["r_cg"])
 
 
-def test_undeclared_errors_are_those_of_identify(ten_seconds, common):
+def test_undeclared_errors_are_those_of_identify(ten_seconds, common, sums, late_sums):
     """But for cross-talk, delay and mounting, which the sums do not tell, whether a delay is declared or not."""
     table = UndeclaredTable(cross_talk=None, delay=None, mounting_frequency=None, mass=None)
     experiment = dataclasses.replace(ten_seconds, undeclared=table)
     run = load_run(common)
     result = with_undeclared(dataclasses.replace(whole(run, experiment), by_held_errors=None), [run], experiment)
-    live = estimated(sums_of(common, experiment), experiment).undeclared
+    live = estimated(sums, experiment).undeclared
     np.testing.assert_allclose(live, 2 * result.undeclared.standard_uncertainty[4:], rtol=0.02)
     late = dataclasses.replace(with_delay(ten_seconds), undeclared=table)
-    np.testing.assert_allclose(estimated(sums_of(common, late), late).undeclared, live, rtol=1e-3)
+    np.testing.assert_allclose(estimated(late_sums, late).undeclared, live, rtol=1e-3)
 
 
 def whole(run, experiment):

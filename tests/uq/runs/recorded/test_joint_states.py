@@ -112,7 +112,10 @@ def experiment(folder, text=None, r_cg=R_CG, sources="", **declared):
     return Experiment.load(folder / "e.toml")
 
 
-@pytest.mark.parametrize(("velocities", "kind"), [(True, "revolute"), (False, "revolute"), (True, "continuous")])
+@pytest.mark.parametrize(
+    ("velocities", "kind"),
+    [(True, "revolute"), (False, "revolute"), pytest.param(True, "continuous", marks=pytest.mark.slow)],
+)
 def test_the_payloads_tensor(tmp_path, swing, velocities, kind):
     path = write(tmp_path / "bag", swing, velocities=velocities)
     declared = experiment(tmp_path, urdf({"arm_3": kind, "arm_7": kind}))

@@ -102,7 +102,7 @@ def test_a_gap_ends_a_rest(tmp_path):
     assert any("of 180.0 s: this part is used" in text for text in noise.warnings)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("value", [np.nan, pytest.param(np.inf, marks=pytest.mark.slow)])
 def test_an_accelerometer_that_is_never_a_number_is_left_out(tmp_path, value):
     run = read(recording(tmp_path / "still.mcap"))
     silent = [np.full_like(run.imu.linear_acceleration, number) for number in (0.0, value)]

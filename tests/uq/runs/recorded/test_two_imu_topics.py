@@ -16,7 +16,12 @@ def clean():
 
 
 @pytest.mark.parametrize(
-    "keys", [{}, {"motion_topic": "/motion"}, {"motion_topic": "/motion", "accelerometer_topic": "/accelerometer"}]
+    "keys",
+    [
+        {},
+        pytest.param({"motion_topic": "/motion"}, marks=pytest.mark.slow),
+        {"motion_topic": "/motion", "accelerometer_topic": "/accelerometer"},
+    ],
 )
 def test_both_are_used_at_their_own_stamps(tmp_path, clean, keys):
     path = posed_runs.write(tmp_path / "run", clean, "apart", "mcap")

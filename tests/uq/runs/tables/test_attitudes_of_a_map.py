@@ -52,7 +52,9 @@ def test_an_attitude_of_a_map_is_that_of_poses(tmp_path, clean, kind, takes):
     assert (got * clean.attitude.inv()).magnitude().max() < 1e-9
 
 
-@pytest.mark.parametrize("names", ["timestamp,rx,ry,rz,px,py,pz", "timestamp,P_3,P_4,P_5,P_0,P_1,P_2"])
+@pytest.mark.parametrize(
+    "names", [pytest.param("timestamp,rx,ry,rz,px,py,pz", marks=pytest.mark.slow), "timestamp,P_3,P_4,P_5,P_0,P_1,P_2"]
+)
 def test_a_robots_log_of_position_and_rotation_vector_tells_the_mass(tmp_path, clean, capsys, names):
     path, out = tmp_path / "t.csv", tmp_path / "run.mcap"
     table(path, clean, clean.attitude.as_rotvec(), 1e3 * clean.place)

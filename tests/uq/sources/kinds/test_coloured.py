@@ -51,7 +51,13 @@ def asked(white=0.0, flicker=0.0, random_walk=0.0):
 
 @pytest.mark.parametrize(
     "parameters",
-    [{"white": 2e-4}, {"flicker": 3e-5}, {"random_walk": 1e-5}, {"white": 2e-4, "flicker": 3e-4, "random_walk": 1e-4}],
+    [
+        *(
+            pytest.param(alone, marks=pytest.mark.slow)
+            for alone in ({"white": 2e-4}, {"flicker": 3e-5}, {"random_walk": 1e-5})
+        ),
+        {"white": 2e-4, "flicker": 3e-4, "random_walk": 1e-4},
+    ],
     ids=["white", "flicker", "walk", "all"],
 )
 def test_the_allan_deviation_is_the_one_asked_for(parameters):
@@ -117,9 +123,11 @@ def test_draws_are_keyed_by_block_and_depend_on_nothing_else():
 
 
 def test_a_simulated_run_has_it():
-    e = experiment(asked(white=2e-4, flicker=3e-4), source("white", "omega", "precision", sigma=["1 mrad/s"] * 3))
+    e = experiment(
+        asked(white=2e-4, flicker=3e-4, random_walk=1e-4), source("white", "omega", "precision", sigma=["1 mrad/s"] * 3)
+    )
     noise = simulate(e, trial=2).run.omega - simulated(e)[1]
     n = len(noise)
-    coloured = drawn(e.sources[0], 0, 2, n)
+    coloured = drawn(e.sources[0], 0, 2, 9000)[:, :n]  # as above, which is compiled
     white = draw_block(e.sources[1], jax.random.key(0), 2, 0, jnp.dtype(float))[:, :n]
     np.testing.assert_allclose(noise, (coloured + white).T, atol=1e-8)  # flicker of 3e-4 is filtered in float32
