@@ -125,7 +125,7 @@ class Base:
 
     def together(self, lines: Lines) -> np.ndarray:
         """Return the lines of all runs in the order of frequency."""
-        return np.concatenate(list(lines))[self.order]
+        return lines[0] if len(self.runs) == 1 else np.concatenate(list(lines))[self.order]
 
     @property
     def width(self) -> int:
@@ -243,7 +243,13 @@ class Evidence(NamedTuple):
 
 
 def evidence(
-    base: Base, error: ErrorModel, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
+    base: Base,
+    error: ErrorModel,
+    size: Float[np.ndarray, " p"],
+    columns: Lines,
+    *,
+    white: bool = False,
+    below: float = np.inf,
 ) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 
@@ -253,6 +259,7 @@ def evidence(
         size: typical size of each coefficient, in SI.
         columns: its lines in each run, for coefficients in units of their size.
         white: whether all lines are in units of their noise; else that is from the residuals that the cause leaves.
+        below: chance from which on it is None, too: of most causes in most runs nothing more need be computed.
     """
     # Frisch–Waugh–Lovell: of the cause's lines only what the fitted unknowns leave can show in the residuals
     absorbed, raw = base.beside(columns), base.together(columns)
@@ -279,11 +286,13 @@ def evidence(
     spread = (products(scores, scores) + basis.T @ by_prior @ basis) / np.outer(values[good], values[good])
     weight, count = moving_average(taken, base.width), len(along)
     shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
-    mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     # Hotelling's T²: the spread is itself from some residuals, so that F takes the place of chi-squared
     wald = float(along @ np.linalg.solve(spread, along))
     rest = shown - count + 1
     chance = float(scipy.special.fdtrc(count, rest, wald * rest / (shown * count)))
+    if not chance < below:
+        return None
+    mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     after = residuals - signals @ mixture.mean
     before = float((residuals**2).sum())
     coefficients = basis @ mixture.mean
