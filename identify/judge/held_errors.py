@@ -35,7 +35,7 @@ HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
 BESIDE = [error for error in ERRORS.values() if error.typical and not error.by_hand and error.unknowns != CELL_MATRIX]
 """Errors of a typical size that are no unknown of the joint model, or not as it has them."""
 OF_LEAST_SQUARES = [error for error in BESIDE if error.part != "accelerometer"]
-"""Those of which least squares know."""
+"""Errors of these that least squares know."""
 
 
 def held_name(error: ErrorModel) -> str:

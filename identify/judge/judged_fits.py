@@ -44,7 +44,7 @@ Choice: a bias of 0.02 rad/s turns them by 0.2 rad, which leaves 98 % of a mean.
 
 
 class JudgedWays(NamedTuple):
-    """What the fits of all runs have in common, by a result and what its estimator was given."""
+    """Settings that the fits of all runs share, by a result and what its estimator was given."""
 
     band: float
     """Highest frequency of the motion [Hz]."""
@@ -53,7 +53,7 @@ class JudgedWays(NamedTuple):
     mass: float | None
     """Mass that is stated, or else estimated [kg]."""
     gravity: float
-    """Local gravity [m/s²]."""
+    """Local gravity that is stated [m/s²]."""
     still: bool
     """Whether the centre of gravity is declared still."""
     start: Mapping[str, np.ndarray]
@@ -78,7 +78,7 @@ class JudgedWays(NamedTuple):
 
 
 def judged_ways(result: Identification, problem: Problem) -> JudgedWays:
-    """Return what the fits of all runs have in common."""
+    """Return the settings that the fits of all runs share."""
     delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
     declared = [error for error in problem.errors.values() if error.unknown == "delay"]
     reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)

@@ -60,7 +60,7 @@ def _results(jobs: Sequence[Job], out: Path, processes: int, progress: Progress)
 
 
 def _outcome(answer: Answer) -> dict[str, Any]:
-    """How a job went; a fault of this program in one job, or the end of its process, costs no other."""
+    """Return how a job went; a fault of this program in one job, or the end of its process, costs no other."""
     if answer.died:
         return failed(answer.died.replace("(out of memory?)", "(out of memory? run fewer with --processes)"))
     if answer.error is None:

@@ -30,14 +30,14 @@ class Task(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What came of a task."""
+    """Result of a task, or why there is none."""
 
     number: int
     value: Any = None
     error: BaseException | None = None
     """The exception that the task ended with; None: it did not."""
     died: str = ""
-    """How its process died; empty: it lives."""
+    """Words on how the task's process died; empty: it lives."""
 
     def result(self) -> Any:
         """Return the value, or raise the exception that the task ended with."""

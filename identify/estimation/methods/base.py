@@ -52,7 +52,7 @@ class Problem:
     drawn_by_mounting: frozenset[str] = frozenset()
     """Unknowns of the joint model that are others in each mounting, as far as the runs name theirs."""
     each: RunMap = map
-    """How what is done run by run is done."""
+    """Function that does what is done run by run."""
 
     def by_run(self, function: Callable[[Run], R]) -> list[R]:
         """Return what a function, which can be pickled, makes of each run."""
