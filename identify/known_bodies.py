@@ -29,7 +29,7 @@ from identify.estimation.joint.single_run import SolvedRun
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError
-from identify.judge.judged_fits import declared_of, falls, rows_in_band
+from identify.judge.judged_fits import declared_of, judged_ways, rows_in_band
 from identify.judge.run_fit import fit_run
 from identify.least_squares.row_products import inverse, products, solution
 from identify.results.identification_result import Identification
@@ -76,13 +76,13 @@ class KnownBody:
     @property
     def force_from(self) -> SpecificForce:
         """Source of the specific force at the centre of gravity."""
-        weightless = any(falls(run, self.result, self.problem) for run in self.problem.runs)
+        weightless = any(map(judged_ways(self.result, self.problem).falls, self.problem.runs))
         return "none" if weightless else specific_force_source(self.problem)
 
     @property
     def block(self) -> PriorBlock:
         """Prior of mass, centre of gravity and tensor: as known, else as declared."""
-        declared = declared_of(self.problem.runs[0], self.result, self.problem, self.force_from).blocks
+        declared = declared_of(self.result, self.problem, self.force_from).blocks
         mean = np.concatenate([declared["mass",].mean, declared["r_cg",].mean, np.zeros(6)])
         covariance = np.zeros((10, 10))
         covariance[:1, :1], covariance[1:4, 1:4] = declared["mass",].covariance, declared["r_cg",].covariance
@@ -107,7 +107,7 @@ class KnownBody:
 
     def setting(self, run: Run) -> Setting:
         """Return the priors of a run's unknowns."""
-        setting = declared_of(run, self.result, self.problem, self.force_from)
+        setting = declared_of(self.result, self.problem, self.force_from)
         blocks, offsets = without(setting.blocks, TEN), ("force_offset", "moment_offset")
         if self.problem.offsets == "none":
             none = PriorBlock(np.zeros(3), np.zeros((3, 3)))
@@ -243,7 +243,7 @@ def _departure(mean: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
 
 def _fitted(body: KnownBody, run: Run, mounting: str | None) -> SolvedRun:
     """A run at its best, the body within its prior."""
-    rows = rows_in_band(run, body.result, body.problem)
+    rows = rows_in_band(run, judged_ways(body.result, body.problem))
     if rows is None:
         raise RunError(f"{run.name} is too short for a calibration: record for longer")
     mean = body.block.mean

@@ -93,8 +93,7 @@ class RigState:
 
     def slopes(self, signal: str, orders: int = 1) -> list[Float[np.ndarray, "n k"]]:
         """Return the first derivatives by time of the signal of a name in :attr:`parts`, as many as are asked for."""
-        spline, at = self._spline(signal)
-        return [spline(at, order) for order in range(1, orders + 1)]
+        return [self._slope(signal, order) for order in range(1, orders + 1)]
 
     def delayed(self, signal: str, seconds: np.ndarray | float) -> Float[np.ndarray, "n k"]:
         """Return the signal of a name in :attr:`parts` as it was so many seconds before."""
@@ -107,6 +106,17 @@ class RigState:
         if signal not in self._splines:
             self._splines[signal] = uniform_spline(values, step, degree=5)
         return self._splines[signal], step * np.arange(len(values))
+
+    def _slope(self, signal: str, order: int) -> Float[np.ndarray, "n k"]:
+        """A derivative of a signal, computed once."""
+        if (signal, order) not in self._slopes:
+            spline, at = self._spline(signal)
+            self._slopes[signal, order] = spline(at, order)
+        return self._slopes[signal, order]
+
+    @cached_property
+    def _slopes(self) -> dict[tuple[str, int], np.ndarray]:
+        return {}
 
     @cached_property
     def _splines(self) -> dict[str, UniformSpline]:

@@ -1,21 +1,17 @@
 """The errors that are looked for in the residuals of runs, and those that these follow."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identify.errors.error_model import ErrorModel
 from identify.errors.registry import ERRORS
 from identify.estimation.joint.error_columns import ErrorColumns
 from identify.judge.evidence import Evidence, NullModel, evidence
-from identify.judge.run_fit import RunFit
+from identify.judge.run_fit import RunFit, UnitLines
 from identify.results.declaration import ResidualCause
-
-CauseColumns = tuple[np.ndarray, np.ndarray]
-"""Columns of a cause, (n, 6, p), and the typical sizes of its coefficients, (p,)."""
-
 
 CHANCE = 1e-4
 """Chance that residuals follow one cause by accident, above which nothing is reported.
@@ -69,17 +65,24 @@ class PossibleCause(NamedTuple):
     """Index of the run to which it belongs; None: it belongs to the rig, and all runs have it."""
     size: Float[np.ndarray, " p"]
     """Typical size of each coefficient, in SI."""
-    columns: list[np.ndarray]
-    """Change of the measured wrench of each run by a unit of each coefficient, (n, 6, p)."""
+    acting: Bool[np.ndarray, " numbers"]
+    """Mask of the error's numbers that are coefficients: those that do anything."""
     lines: list[np.ndarray]
     """Lines of the cause in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none."""
 
-    def judged(self, base: NullModel, *, white: bool = False) -> Evidence | None:
-        """Return what the residuals say of it; ``white``: all lines are in units of their noise."""
+    def judged(self, base: NullModel, *, white: bool = False, below: float = np.inf) -> Evidence | None:
+        """Return what the residuals say of it.
+
+        Args:
+            base: the fitted unknowns.
+            white: whether all lines are in units of their noise.
+            below: chance from which on there is nothing to say; that of a run's cause, which has as many chances as
+                there are runs, is smaller.
+        """
         if self.run is None:
-            return evidence(base, self.error, self.size, self.lines, white=white)
-        run_base = base.single_runs[self.run]
-        verdict = evidence(run_base, self.error, self.size, [self.lines[self.run]], white=white)
+            return evidence(base, self.error, self.size, self.lines, white=white, below=below)
+        run_base, below = base.single_runs[self.run], below / len(base.runs)
+        verdict = evidence(run_base, self.error, self.size, [self.lines[self.run]], white=white, below=below)
         return None if verdict is None else verdict._replace(lines=self.lines)
 
     def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":
@@ -103,33 +106,37 @@ def candidates(fits: Sequence[RunFit], excluded: frozenset[ErrorModel]) -> list[
         excluded: causes that cannot be, or that are no news.
     """
     made: list[PossibleCause] = []
-    runs = [ErrorColumns(fit.prediction) for fit in fits]
     for error in ERRORS.values():
         if error.prior is not None and error not in excluded:
-            parts = [(columns := run.columns(error), error.prior(run.rows, columns)) for run in runs]
+            parts = [fit.errors[error.name] for fit in fits]
             owners: Iterable[int | None] = range(len(fits)) if error.scope == "run" else [None]
-            made += [_candidate(error, owner, fits, parts) for owner in owners]
+            made += [_candidate(error, owner, parts) for owner in owners]
     return [candidate for candidate in made if len(candidate.size)]
 
 
-def _candidate(
-    error: ErrorModel, run: int | None, fits: Sequence[RunFit], parts: Sequence[CauseColumns]
-) -> PossibleCause:
-    """A cause without coefficients that have no effect; its typical sizes are the mean of those of its runs."""
+def unit_lines(fit: RunFit, excluded: Collection[str]) -> dict[str, UnitLines]:
+    """Return what the errors that are looked for make in a run, by their names, but for those of some names."""
+    run, made = ErrorColumns(fit.prediction), dict[str, UnitLines]()
+    for name, error in ERRORS.items():
+        if error.prior is not None and name not in excluded:
+            columns = run.columns(error)
+            size, acting = error.prior(run.rows, columns), np.asarray(columns.any(axis=(0, 1)))
+            made[name] = UnitLines(fit.transformed(columns), size, acting)
+    return made
+
+
+def _candidate(error: ErrorModel, run: int | None, parts: Sequence[UnitLines]) -> PossibleCause:
+    """A cause without the coefficients that do nothing; of the rig's, with the mean of the runs' typical sizes."""
     having = parts if run is None else [parts[run]]
-    size = np.mean([sizes for _, sizes in having], axis=0)
-    acting = np.any([columns.any(axis=(0, 1)) for columns, _ in having], axis=0) & (size > 0)
-    owners, count = [run in (None, k) for k in range(len(fits))], int(acting.sum())
+    size = np.mean([part.size for part in having], axis=0)
+    acting = np.any([part.acting for part in having], axis=0) & (size > 0)
     # other runs' zeros take no memory: there are as many causes of single runs as runs
-    columns = [
-        columns[:, :, acting] if owns else np.broadcast_to(0.0, (*columns.shape[:2], count))
-        for owns, (columns, _) in zip(owners, parts, strict=True)
-    ]
     lines = [
-        fit.transformed(part * size[acting]) if owns else np.broadcast_to(0.0, (*fit.residuals.shape, count))
-        for owns, fit, part in zip(owners, fits, columns, strict=True)
-    ]
-    return PossibleCause(error, run, size[acting], columns, lines)
+        part.lines[:, :, acting] * size[acting]
+        if run in (None, k) else np.broadcast_to(0.0, (*part.lines.shape[:2], int(acting.sum())))
+        for k, part in enumerate(parts)
+    ]  # fmt: skip
+    return PossibleCause(error, run, size[acting], acting, lines)
 
 
 class FollowedCause(NamedTuple):
@@ -140,10 +147,20 @@ class FollowedCause(NamedTuple):
     rivals: tuple[str, ...] = ()
     """Other causes that are about as probable."""
 
-    @property
-    def columns(self) -> list[np.ndarray]:
-        """Change of the measured wrench of each run by a typical size of each coefficient, (n, 6, p) [N], [N·m]."""
-        return [columns * self.evidence.size for columns in self.candidate.columns]
+    def columns(self, fits: Sequence[RunFit]) -> list[np.ndarray]:
+        """Return the change of the measured wrench of each run by a typical size of each coefficient.
+
+        Args:
+            fits: of all runs, in which the cause was looked for.
+
+        Returns:
+            (n, 6, p) of each run [N], [N·m].
+        """
+        error, run, size, acting, _ = self.candidate
+        return [
+            ErrorColumns(fit.prediction).columns(error)[:, :, acting] * size * (run in (None, k))
+            for k, fit in enumerate(fits)
+        ]
 
     def verdict(self, run: str, *, axis: str, text: str, changes: tuple[float, ...]) -> ResidualCause:
         """Return the cause as a finding on a run, in these words, with what it would add to the ten parameters."""
@@ -200,12 +217,12 @@ def _shown(base: NullModel, open_to: Sequence[PossibleCause]) -> list[FollowedCa
     Each is looked for in the noise that it would leave. Those that show are compared in one noise, the least: else a
     cause that follows the noise would make itself more probable.
     """
-    judged = [FollowedCause(cause, verdict) for cause in open_to if (verdict := cause.judged(base)) is not None]
+    verdicts = [(cause, cause.judged(base, below=CHANCE)) for cause in open_to]
+    judged = [FollowedCause(cause, verdict) for cause, verdict in verdicts if verdict is not None]
 
     def shown(cause: FollowedCause) -> bool:
         tries = 1 if cause.candidate.run is None else len(base.runs)  # a run's cause has as many chances
-        enough = cause.evidence.logarithm - np.log(tries) > LIKELY
-        return bool(enough and cause.evidence.chance * tries < CHANCE)
+        return bool(cause.evidence.logarithm - np.log(tries) > LIKELY)
 
     causes = list(filter(shown, judged))
     # Bayes factors compare only in one noise: that which the cause of most power leaves
@@ -281,6 +298,5 @@ def followed(fits: Sequence[RunFit], excluded: frozenset[ErrorModel], base: Null
 
 def _unexplained(fit: RunFit, residuals: Float[np.ndarray, "m rows"]) -> tuple[float, int]:
     """Root mean square of residuals in the motion's band over that above it, on the worst row, and that row."""
-    above = fit.lines.above(fit.prediction.counted(fit.prediction.residuals[:, :, None])[:, :, 0])
-    ratio = np.sqrt(np.mean(residuals**2, axis=0) / np.maximum(np.mean(above**2, axis=0), 1e-300))
+    ratio = np.sqrt(np.mean(residuals**2, axis=0) / np.maximum(fit.above, 1e-300))
     return float(ratio.max()), int(np.argmax(ratio)) - len(ratio)

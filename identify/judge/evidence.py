@@ -126,7 +126,7 @@ class NullModel:
 
     def stacked(self, lines: Lines) -> np.ndarray:
         """Return the lines of all runs in the order of frequency."""
-        return np.concatenate(list(lines))[self.order]
+        return lines[0] if len(self.runs) == 1 else np.concatenate(list(lines))[self.order]
 
     @property
     def width(self) -> int:
@@ -244,7 +244,13 @@ class Evidence(NamedTuple):
 
 
 def evidence(
-    base: NullModel, error: ErrorModel, size: Float[np.ndarray, " p"], columns: Lines, *, white: bool = False
+    base: NullModel,
+    error: ErrorModel,
+    size: Float[np.ndarray, " p"],
+    columns: Lines,
+    *,
+    white: bool = False,
+    below: float = np.inf,
 ) -> Evidence | None:
     """Return what the residuals say of a cause; None: it makes nothing that the estimate does not absorb.
 
@@ -254,6 +260,7 @@ def evidence(
         size: typical size of each coefficient, in SI.
         columns: its lines in each run, for coefficients in units of their size.
         white: whether all lines are in units of their noise; else that is from the residuals that the cause leaves.
+        below: chance from which on it is None, too: of most causes in most runs nothing more need be computed.
     """
     # Frisch–Waugh–Lovell: of the cause's lines only what the fitted unknowns leave can show in the residuals
     absorbed, raw = base.project_out(columns), base.stacked(columns)
@@ -281,11 +288,13 @@ def evidence(
     weight, count = moving_average(taken, base.width), len(along)
     # Kish's effective number, (Σ w)²/Σ w²: so many equal squares would scatter as these weighted ones
     shown = max(float(weight.sum() ** 2 / (weight**2).sum()), count)  # residuals that the spread of the scores is from
-    mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     # Hotelling's T²: the spread is itself from some residuals, so that F takes the place of chi-squared
     wald = float(along @ np.linalg.solve(spread, along))
     rest = shown - count + 1
     chance = float(scipy.special.fdtrc(count, rest, wald * rest / (shown * count)))
+    if not chance < below:
+        return None
+    mixture = _mixture(along, spread, max(float(free.sum()), 1.0))
     after = residuals - signals @ mixture.mean
     before = float((residuals**2).sum())
     coefficients = basis @ mixture.mean

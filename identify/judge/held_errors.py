@@ -25,7 +25,7 @@ from identify.estimation.joint.prior_departure import FAR, declaration, departur
 from identify.estimation.joint.priors import STATIC, indices
 from identify.estimation.methods.base import Problem
 from identify.judge.causes import FollowedCause
-from identify.judge.run_fit import RunFit, tensor_change
+from identify.judge.run_fit import RunFit, TensorSums, pooled_tensor, tensor_sums
 from identify.least_squares.row_products import eliminated, products, solution
 from identify.results.declaration import Declaration
 from identify.results.identification_result import Identification
@@ -34,6 +34,8 @@ HELD = ("gyro_scale", "cell_matrix", *STATIC, "gravity")
 """Unknowns of the joint model that an estimate may take as exact, or from static poses."""
 BESIDE = [error for error in ERRORS.values() if error.typical and not error.by_hand and error.unknowns != CELL_MATRIX]
 """Errors of a typical size that are no unknown of the joint model, or not as it has them."""
+OF_LEAST_SQUARES = [error for error in BESIDE if error.part != "accelerometer"]
+"""Errors of these that least squares know."""
 
 
 def held_name(error: ErrorModel) -> str:
@@ -53,8 +55,13 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
         fits: of each run, at its best under the same priors, its specific force from where the estimator has it.
     """
     if result.method != "joint":
-        # of an accelerometer's errors least squares know nothing
-        return {error.name: _by_least_squares(error, result, fits) for error in BESIDE if error.part != "accelerometer"}
+        sums = [fit.beside or sums_beside(fit, offsets=result.offsets == "estimate") for fit in fits]
+        change = pooled_tensor(sums, [run.weight for run in result.runs])
+        ends = np.cumsum([error.count for error in OF_LEAST_SQUARES])[:-1]
+        return {
+            error.name: np.vstack([np.zeros((4, error.count)), part])
+            for error, part in zip(OF_LEAST_SQUARES, np.split(change, ends, axis=1), strict=True)
+        }
     held = [_held(fit.prediction) for fit in fits]
     added = [
         fit.transformed(np.concatenate(list(blocks.values()), axis=2)) for fit, blocks in zip(fits, held, strict=True)
@@ -65,10 +72,16 @@ def by_held_errors(result: Identification, problem: Problem, fits: Sequence[RunF
     return dict(zip(held[0], np.split(shift, np.cumsum(sizes)[:-1], axis=1), strict=True))
 
 
-def _by_least_squares(error: ErrorModel, result: Identification, fits: Sequence[RunFit]) -> Float[np.ndarray, "10 p"]:
-    added, weights = [ErrorColumns(fit.prediction).columns(error) for fit in fits], [run.weight for run in result.runs]
-    change = tensor_change(fits, weights, added, offsets=result.offsets == "estimate")
-    return np.vstack([np.zeros((4, error.count)), change])
+def sums_beside(fit: RunFit, *, offsets: bool) -> TensorSums:
+    """Return a run's sums of least squares with the errors that are no unknowns, one after another.
+
+    Args:
+        fit: of the run.
+        offsets: whether constant offsets are estimated along.
+    """
+    run = ErrorColumns(fit.prediction)
+    columns = np.concatenate([run.columns(error) for error in OF_LEAST_SQUARES], axis=2)
+    return tensor_sums(fit, columns, offsets=offsets)
 
 
 def _shared(problem: Problem) -> set[str]:
@@ -152,11 +165,11 @@ def departing_declarations(
     """
     if not fits:
         return ()
-    prior = fits[0].prior
+    prior, explained = fits[0].prior, [(cause, cause.columns(fits)) for cause in exact_errors]
     rows = [
         (fit.residuals + fit.columns @ fit.best)[:, :, None]
         - sum(
-            fit.transformed((cause.columns[number] @ cause.evidence.coefficients)[:, :, None]) for cause in exact_errors
+            fit.transformed((columns[number] @ cause.evidence.coefficients)[:, :, None]) for cause, columns in explained
         )
         for number, fit in enumerate(fits)
     ]

@@ -25,7 +25,7 @@ from identify.estimation.joint.priors import PriorBlock, Setting, means_of, with
 from identify.estimation.methods.base import Problem, estimator_of
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError
-from identify.judge.judged_fits import declared_of, falls, rows_in_band, start_of
+from identify.judge.judged_fits import declared_of, judged_ways, rows_in_band, start_of
 from identify.judge.run_fit import OVER_BAND, RunFit, fit_run, tensor_change
 from identify.least_squares.covariance_matrices import root_of
 from identify.least_squares.residual_spectrum import spectrum
@@ -68,7 +68,7 @@ def held_out(problem: Problem, result: Identification) -> HeldOut:
     force_from = _force_from(split, result)
     reduced = [_in_band(run, result, problem, halves) for run in runs]
     fits = [
-        fit_run(run, rows, declared_of(run, result, problem, force_from), start_of(result))
+        fit_run(run, rows, declared_of(result, problem, force_from), start_of(result))
         for run, rows in zip(runs, reduced, strict=True)
     ]
     predicted = []
@@ -98,7 +98,7 @@ def _too_short(name: str, halves: bool) -> str:
 
 
 def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -> InBand:
-    rows = rows_in_band(run, result, problem)
+    rows = rows_in_band(run, judged_ways(result, problem))
     if rows is None or 2 * OVER_BAND * problem.band * rows.interval * rows.used.sum() < FEWEST:
         raise RunError(_too_short(run.name, halves))
     return rows
@@ -107,7 +107,7 @@ def _in_band(run: Run, result: Identification, problem: Problem, halves: bool) -
 def _force_from(problem: Problem, result: Identification) -> SpecificForce:
     """Return the source of the specific force; "none" where no force follows, so that only moments are predicted."""
     source = specific_force_source(problem)
-    if result.mass is None or any(falls(run, result, problem) for run in problem.runs):
+    if result.mass is None or any(map(judged_ways(result, problem).falls, problem.runs)):
         return "none"
     return source
 
@@ -169,7 +169,7 @@ def _predicted(
 ) -> HeldOutRun:
     """The prediction of a run by the estimate of the others, beside what was measured."""
     followed = _followed(estimate, others, problem)
-    declared = _held(declared_of(run, estimate, problem, force_from), estimate, followed)
+    declared = _held(declared_of(estimate, problem, force_from), estimate, followed)
     fit = fit_run(run, rows, declared, {})
     fit = replace(fit, lines=replace(fit.lines, whitener=np.eye(len(fit.lines.whitener))))
     at = fit.prediction

@@ -1,6 +1,8 @@
 """Fits of runs for the judge: band, priors and start by the result that is judged, source of the specific force."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +12,11 @@ from identify.estimation.joint.priors import Alignment, PriorBlock, Setting, err
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import STILL_WITHIN, beside_alignment, specific_force_source
 from identify.exceptions import RunError
+from identify.judge.causes import unit_lines
 from identify.judge.conventions.convention_fit import ImuSignal
 from identify.judge.conventions.imu_conventions import in_free_fall
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT
+from identify.judge.held_errors import sums_beside
 from identify.judge.judged_part import judged_part
 from identify.judge.run_fit import RunFit, fit_run
 from identify.results.identification_result import Identification
@@ -39,21 +43,81 @@ Choice: a bias of 0.02 rad/s turns them by 0.2 rad, which leaves 98 % of a mean.
 """
 
 
-def fits_of(run: Run, result: Identification, problem: Problem) -> list[RunFit]:
-    """Return the run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone."""
-    rows = rows_in_band(run, result, problem)
+class JudgedWays(NamedTuple):
+    """Settings that the fits of all runs share, by a result and what its estimator was given."""
+
+    band: float
+    """Highest frequency of the motion [Hz]."""
+    reach: float
+    """The largest delay that the ends of a run leave room for [s]."""
+    mass: float | None
+    """Mass that is stated, or else estimated [kg]."""
+    gravity: float
+    """Local gravity that is stated [m/s²]."""
+    still: bool
+    """Whether the centre of gravity is declared still."""
+    start: Mapping[str, np.ndarray]
+    """Unknowns from which each search starts."""
+    settings: Mapping[SpecificForce, Setting]
+    """Priors by the source of the specific force."""
+    beside: bool | None
+    """Whether least squares estimate offsets along; None: the estimate is the joint one."""
+
+    def falls(self, run: Run) -> bool:
+        """Return whether a run shows no weight, or no force at all.
+
+        An accelerometer tells it by itself: a force without the weight that it shows is an error, to be judged.
+        """
+        if not np.abs(run.force).max() > 0:
+            return True
+        read = run.specific_force
+        if read is not None and lasting(run, read) < LEAST_WEIGHT * self.gravity:
+            return in_free_fall(ImuSignal(run.t, run.omega, read))  # or the gyro is wrong
+        needed, mass = read is None or self.still, self.mass
+        return bool(needed and mass is not None and lasting(run, run.force) < LEAST_WEIGHT * mass * self.gravity)
+
+
+def judged_ways(result: Identification, problem: Problem) -> JudgedWays:
+    """Return the settings that the fits of all runs share."""
+    delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
+    declared = [error for error in problem.errors.values() if error.unknown == "delay"]
+    reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
+    still = problem.cg_motion == "still"
+    within: dict[SpecificForce, float] = {"accelerometer": STILL_WITHIN, "still": STILL_WITHIN if still else LOOSE}
+    settings = {
+        way: declared_of(result, problem, way, within.get(way, STILL_WITHIN)) for way in get_args(SpecificForce)
+    }
+    return JudgedWays(
+        band=problem.band, reach=max(delay, reach) + 0.005, mass=problem.mass or result.mass, gravity=problem.gravity,
+        still=still, start=start_of(result), settings=settings,
+        beside=None if result.method == "joint" else result.offsets == "estimate",
+    )  # fmt: skip
+
+
+def fits_of(run: Run, ways: JudgedWays, excluded: Collection[str]) -> list[RunFit]:
+    """Return the run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone.
+
+    With what the errors that are looked for make in it, but for those of the names that are excluded.
+    """
+    rows = rows_in_band(run, ways)
     if rows is None:
         return []
+    fits = [replace(fit, errors=unit_lines(fit, excluded)) for fit in _ways_of(run, rows, ways)]
+    if ways.beside is None:
+        return fits
+    return [replace(fit, beside=sums_beside(fit, offsets=ways.beside)) for fit in fits]
 
-    def fitted(force_from: SpecificForce, still_within: float = STILL_WITHIN) -> RunFit:
-        return fit_run(run, rows, declared_of(run, result, problem, force_from, still_within), start_of(result))
 
-    by_moment = falls(run, result, problem)
-    if problem.cg_motion == "still" and not by_moment:
+def _ways_of(run: Run, rows: InBand, ways: JudgedWays) -> list[RunFit]:
+    def fitted(force_from: SpecificForce) -> RunFit:
+        return fit_run(run, rows, ways.settings[force_from], ways.start)
+
+    by_moment = ways.falls(run)
+    if ways.still and not by_moment:
         return [fitted("still")]
     if run.specific_force is None or by_moment:
         return [fitted("none")]
-    read, about = fitted("accelerometer"), fitted("still", LOOSE)
+    read, about = fitted("accelerometer"), fitted("still")
     scale = np.repeat([read.level[:3].mean(), read.level[3:].mean()], 3)
     turns = np.linalg.norm(about.level / scale) < EQUALLY * np.linalg.norm(read.level / scale)
     return [about, read] if turns else [read]
@@ -63,26 +127,24 @@ def fit_of_estimator(run: Run, fits: list[RunFit], result: Identification, probl
     """Return the fit whose specific force is from where the estimator has it; None: the run is too short, or falls."""
     force_from = specific_force_source(problem)
     candidates = [fit for fit in fits if fit.prediction.force_from == force_from]
-    if not candidates or (force_from == "none" and falls(run, result, problem)):
+    if not candidates or (force_from == "none" and judged_ways(result, problem).falls(run)):
         return None
+    if force_from != "none":
+        return candidates[0]
     tells_mass = lasting(run, run.force) > LEAST_WEIGHT * np.sqrt(np.mean(run.force**2)) and problem.gravity > 0
-    return candidates[0] if force_from != "none" or tells_mass else None
+    return candidates[0] if tells_mass else None
 
 
-def rows_in_band(run: Run, result: Identification, problem: Problem) -> InBand | None:
+def rows_in_band(run: Run, ways: JudgedWays) -> InBand | None:
     """Return the judged part of a run in its band; None: it is too short."""
-    run = judged_part(run, problem.band)
-    delay = 0.0 if result.delay is None else abs(float(result.delay.value[0]))
-    declared = [error for error in problem.errors.values() if error.unknown == "delay"]
-    reach = sum(abs(error.mean[0]) + 4 * np.sqrt(error.covariance[0, 0]) for error in declared)
+    run = judged_part(run, ways.band)
     try:
-        return in_band(run, problem.band, reach=max(delay, reach) + 0.005, accelerometer=run.specific_force is not None)
+        return in_band(run, ways.band, reach=ways.reach, accelerometer=run.specific_force is not None)
     except RunError:
         return None
 
 
 def declared_of(
-    run: Run,
     result: Identification,
     problem: Problem,
     force_from: SpecificForce,
@@ -91,7 +153,6 @@ def declared_of(
     """Return the priors of a run's unknowns.
 
     Args:
-        run: the run.
         result: of an estimator.
         problem: that it was given.
         force_from: source of the specific force.
@@ -134,21 +195,6 @@ def start_of(result: Identification) -> dict[str, np.ndarray]:
     return {"inertia": result.inertia, "r_cg": result.r_cg} | {
         name: part.value for name, part in aligned.items() if part is not None
     }
-
-
-def falls(run: Run, result: Identification, problem: Problem) -> bool:
-    """Return whether a run shows no weight, or no force at all.
-
-    An accelerometer tells it by itself: a force without the weight that it shows is an error, to be judged.
-    """
-    if not np.abs(run.force).max() > 0:
-        return True
-    read = run.specific_force
-    if read is not None and lasting(run, read) < LEAST_WEIGHT * problem.gravity:
-        return in_free_fall(ImuSignal(run.t, run.omega, read))  # or the gyro is wrong
-    mass = problem.mass or result.mass
-    needed = read is None or problem.cg_motion == "still"
-    return bool(needed and mass is not None and lasting(run, run.force) < LEAST_WEIGHT * mass * problem.gravity)
 
 
 def lasting(run: Run, vectors: Float[np.ndarray, "n 3"]) -> float:

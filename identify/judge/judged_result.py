@@ -5,7 +5,7 @@ In free flight nothing tells the attitude, and no cause can be judged.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from identify.judge.causes import FollowedCause, Judgement, followed
 from identify.judge.evidence import NullModel
 from identify.judge.findings import MATTERS
 from identify.judge.held_errors import by_held_errors
-from identify.judge.judged_fits import falls, fit_of_estimator, fits_of
+from identify.judge.judged_fits import fit_of_estimator, fits_of, judged_ways
 from identify.judge.judged_part import judged_part
 from identify.judge.rivals import JudgedWay, effect, rivals_text
 from identify.judge.run_findings.least_squares import DIFFERENT, least_squares_cause, least_squares_difference
@@ -83,8 +83,10 @@ def judged(result: Identification, problem: Problem) -> Judged:
     declarations, explained = list(result.declarations), list[str]()
     signals = _by_signals(problem)  # a sensor's range may end anywhere
     problem = replace(problem, runs=tuple(judged_part(run, problem.band) for run in problem.runs))
-    fits = [fits_of(run, result, problem) for run in problem.runs]
-    joined = examined(fits, result, problem)
+    excluded = _excluded(problem, result)
+    names = frozenset(error.name for error in excluded)
+    fits = problem.by_run(partial(fits_of, ways=judged_ways(result, problem), excluded=names))
+    joined = examined(fits, result, problem, excluded)
     if joined is None:
         contributions, errors = merged(signals, len(fits)), list[FollowedCause]()
     else:
@@ -214,7 +216,7 @@ class JudgedRuns:
         """Return the changes of the ten parameters by a typical size of each coefficient of a cause."""
         if self.result.method == "joint":
             return cause.evidence.effects
-        by_tensor = tensor_change(self.fits, self.weights, cause.columns)
+        by_tensor = tensor_change(self.fits, self.weights, cause.columns(self.fits))
         return np.vstack([np.zeros((4, by_tensor.shape[1])), by_tensor])
 
     def largest(self, changes: Float[np.ndarray, "6"]) -> tuple[int, float]:
@@ -291,7 +293,9 @@ class JudgedRuns:
         return [Contribution(verdict._replace(run=", ".join(where)), changes[:, None])]
 
 
-def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Problem) -> JudgedRuns | None:
+def examined(
+    fits: Sequence[list[RunFit]], result: Identification, problem: Problem, excluded: frozenset[ErrorModel]
+) -> JudgedRuns | None:
     """Return what the residuals of all runs follow together; None: no run is long enough."""
     numbers = [number for number, ways in enumerate(fits) if ways]
     if not numbers:
@@ -301,7 +305,6 @@ def examined(fits: Sequence[list[RunFit]], result: Identification, problem: Prob
     common = [way for way in by_way[0] if all(way in ways for ways in by_way)]
     together = [[ways[way] for ways in by_way] for way in reversed(common)] or [[fits[number][0] for number in numbers]]
     ways = [JudgedWay(way, _base(way, result, problem)) for way in together]
-    excluded = _excluded(problem, result, runs)
     judgements = [followed(way.fits, excluded, way.base) for way in ways]
     return JudgedRuns(
         result=result, problem=problem, runs=runs, weights=[result.runs[number].weight for number in numbers],
@@ -324,15 +327,16 @@ def _base(fits: Sequence[RunFit], result: Identification, problem: Problem) -> N
     shared = shared_unknowns(problem.errors, calibrated=calibrated, drawn_by_mounting=drawn)
     base = base_of(fits, shared)
     axes = np.hstack([np.zeros((3, 0)), *_declared_turns(problem).values()])
+    if not axes.size:
+        return base
     # the fit has a declared turn of the gyro as one of the whole IMU
-    turns = [fit.transformed(ErrorColumns(fit.prediction).columns(GYRO_AXES) @ axes) for fit in fits]
-    return base.extended(turns) if axes.size else base
+    return base.extended([fit.transformed(ErrorColumns(fit.prediction).columns(GYRO_AXES) @ axes) for fit in fits])
 
 
-def _excluded(problem: Problem, result: Identification, runs: Sequence[Run]) -> frozenset[ErrorModel]:
+def _excluded(problem: Problem, result: Identification) -> frozenset[ErrorModel]:
     """Causes that the experiment excludes, or whose prior is so wide that they are no finding."""
     free = _undeclared(problem, result)
-    missing = {"mounting"} if all(falls(run, result, problem) for run in runs) else set()
+    missing = {"mounting"} if all(map(judged_ways(result, problem).falls, problem.runs)) else set()
     if problem.offsets == "none":
         missing.add("zero")
     return frozenset(

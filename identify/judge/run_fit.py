@@ -8,12 +8,13 @@ apart (:mod:`identify.least_squares.hausman`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identify.estimation.joint.gauss_newton import linearised
 from identify.estimation.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
@@ -62,11 +63,28 @@ class TransformedRows:
         lines[:, acting] = scipy.fft.dct(signals[:, acting], axis=0, norm="ortho")[:count]
         return np.asarray(self.whitener @ lines.reshape(count, *columns.shape[1:]))
 
-    def above(self, rows: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, "m rows"]:
-        """Return the lines of rows above the motion's band, as far as the run's low-pass is flat."""
+    def power_above(self, rows: Float[np.ndarray, "n rows"]) -> Float[np.ndarray, " rows"]:
+        """Return the mean square of rows' lines above the motion's band, as far as the run's low-pass is flat."""
         lines = scipy.fft.dct(rows, axis=0, norm="ortho")
         first, last = (int(2 * over * self.band * self.interval * len(rows)) for over in (OVER_BAND, PASSED))
-        return np.asarray(lines[first:last] @ self.whitener.T)
+        return np.asarray(np.mean((lines[first:last] @ self.whitener.T) ** 2, axis=0))
+
+
+class UnitLines(NamedTuple):
+    """An error of the rig in one run: what a unit of each of its numbers makes."""
+
+    lines: Float[np.ndarray, "m rows p"]
+    size: Float[np.ndarray, " p"]
+    """Typical size of each number in this run, in SI."""
+    acting: Bool[np.ndarray, " p"]
+    """Mask of the numbers that do anything."""
+
+
+class TensorSums(NamedTuple):
+    """A run's normal equations of the tensor (10), by columns that are added to its wrench."""
+
+    normal: Float[np.ndarray, "6 6"]
+    right: Float[np.ndarray, "6 p"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +101,12 @@ class RunFit:
     """Coordinates at which ``prediction`` was made."""
     best: Float[np.ndarray, " q"]
     """Coordinates that leave ``residuals``."""
+    above: Float[np.ndarray, " rows"]
+    """Mean square of the residuals above the motion's band, in units of the noise."""
+    errors: Mapping[str, UnitLines] = field(default_factory=dict)
+    """Errors of the rig that are looked for, by their names."""
+    beside: TensorSums | None = None
+    """Sums of least squares with the errors that are no unknowns; None: of the joint estimate."""
 
     def transformed(self, columns: Columns) -> Float[np.ndarray, "m rows p"]:
         """Return the lines of changes of the wrench."""
@@ -91,7 +115,7 @@ class RunFit:
     @property
     def frequency(self) -> Float[np.ndarray, " m"]:
         """Frequency of each line [Hz]."""
-        return np.arange(len(self.residuals)) / (2 * self.lines.interval * len(self.prediction.signals.t))
+        return np.arange(len(self.residuals)) / (2 * self.lines.interval * self.prediction.model.used.sum())
 
     @cached_property
     def weights(self) -> Float[np.ndarray, "q q"]:
@@ -166,7 +190,7 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         remaining = at.residuals - at.columns @ change
         fit = RunFit(
             prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z,
-            best=z + change,
+            best=z + change, above=np.zeros(len(whitener)),
         )  # fmt: skip
         near = float(change @ normal @ change) < ENOUGH**2 * len(change)
         if step > 1 and (near or setting.specific_force == "none"):
@@ -174,7 +198,8 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
         whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, setting.specific_force, len(z))))
         if setting.specific_force != "none":  # else linear in what acts, but for what the estimate tells already
             z = z + change
-    return fit
+    rows_of_best = at.prediction.counted(at.prediction.residuals[:, :, None])[:, :, 0]
+    return replace(fit, above=lines.power_above(rows_of_best))
 
 
 def with_force_of_motion(model: Model, theta: np.ndarray, alignment: Alignment) -> Model:
@@ -222,12 +247,20 @@ def tensor_change(
 
     The force counts as measured: least squares fit the moment about r_CG, less its mean where offsets are estimated.
     """
-    normal, right = np.zeros((6, 6)), np.zeros((6, added[0].shape[2]))
-    for fit, weight, columns in zip(fits, weights, added, strict=True):
-        rows, moment = fit.prediction.regressor, about_centre(columns, fit.prediction.x["r_cg"])
-        if offsets:
-            rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
-        # first order: least squares are linear in the wrench, so that their change is their estimate of what is added
-        normal += weight * products(rows, rows)
-        right += weight * products(rows, moment)
+    return pooled_tensor([tensor_sums(*pair, offsets=offsets) for pair in zip(fits, added, strict=True)], weights)
+
+
+def tensor_sums(fit: RunFit, columns: Float[np.ndarray, "n 6 p"], *, offsets: bool) -> TensorSums:
+    """Return the sums of :func:`tensor_change` of one run."""
+    rows, moment = fit.prediction.regressor, about_centre(columns, fit.prediction.x["r_cg"])
+    if offsets:
+        rows, moment = rows - rows.mean(axis=0), moment - moment.mean(axis=0)
+    # first order: least squares are linear in the wrench, so that their change is their estimate of what is added
+    return TensorSums(products(rows, rows), products(rows, moment))
+
+
+def pooled_tensor(sums: Sequence[TensorSums], weights: Sequence[float]) -> Float[np.ndarray, "6 p"]:
+    """Return the tensor's change by the sums of all runs, and the weight of each."""
+    normal = np.sum([weight * part.normal for weight, part in zip(weights, sums, strict=True)], axis=0)
+    right = np.sum([weight * part.right for weight, part in zip(weights, sums, strict=True)], axis=0)
     return solution(normal, right)

@@ -226,8 +226,7 @@ def run_lines(run: Run, estimator: EstimatorSpec) -> RunLines:
         "means": signals.mean(axis=1), "motion": np.hstack([thinned(rows.omega), thinned(signals[ACCELERATION].T)]),
         "wrench": signals[FORCE.start :, drawn].T.copy(),
     }  # fmt: skip
-    for signal in signals:
-        signal[:] = lines.transform(signal)
+    lines.transform_rows(signals)
     return RunLines(
         run=run, lines=lines, signals=signals, t=run.t[rows.instants], omega=rows.omega, **in_time,
         removed=np.zeros(len(signals)),

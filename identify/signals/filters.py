@@ -123,18 +123,19 @@ def moving_average(
         ends: what stands for samples before the first and after the last: the signal mirrored, or its last value; or
             none, so that the mean is of fewer.
     """
-    if signal.ndim == 2:
+    if signal.ndim == 2 and len(signal) > BLOCK:  # one after the other to bound memory
         return np.stack([moving_average(column, width, ends=ends) for column in signal.T]).T
     before, blocks = width // 2, -(-len(signal) // width) + 1
-    beyond = (before, blocks * width - len(signal) - before)
-    tiles = np.pad(signal, beyond, "constant" if ends == "fewer" else ends).reshape(blocks, width)
+    beyond = [(before, blocks * width - len(signal) - before), *[(0, 0)] * (signal.ndim - 1)]
+    padded = np.pad(signal, beyond, "constant" if ends == "fewer" else ends)
+    tiles = padded.reshape(blocks, width, *signal.shape[1:])
     left = np.cumsum(tiles[:-1, ::-1], axis=1)[:, ::-1]
     right = np.cumsum(tiles[1:], axis=1) - tiles[1:]
-    sums = (left + right).reshape(-1)[: len(signal)]
+    sums = (left + right).reshape(-1, *signal.shape[1:])[: len(signal)]
     if ends == "fewer":
         first = np.arange(len(signal)) - before
         counts = np.minimum(first + width, len(signal)) - np.maximum(first, 0)
-        return np.asarray(sums / counts)
+        return np.asarray((sums.T / counts).T)
     return np.asarray(sums / width)
 
 

@@ -33,6 +33,8 @@ __all__ = ["Rest", "Run", "RunError"]
 
 NOTHING = (np.array([]), np.array([]))
 """No bad instants of either sensor."""
+SIGNALS = ("t", "force", "moment", "omega", "missing", "specific_force", "attitude")
+"""Arrays of a run with an entry for each instant."""
 LARGEST = 1e12
 """The most that a signal may be, in SI units: far beyond any sensor, and its fourth power still a number."""
 SMALLEST = 1e-60
@@ -108,6 +110,15 @@ class Run:
     def rate(self) -> float:
         """Sample rate of the run [Hz]."""
         return (len(self.t) - 1) / float(self.t[-1] - self.t[0])
+
+    @property
+    def compact(self) -> "Run":
+        """The run without the samples beyond it that its arrays are views of, in the same layout.
+
+        So it is pickled: what is computed from it in another process has the same bits.
+        """
+        signals = {name: getattr(self, name) for name in SIGNALS if getattr(self, name) is not None}
+        return replace(self, **{name: signal.copy(order="K") for name, signal in signals.items()})
 
     @property
     def usable(self) -> Bool[np.ndarray, " n"]:
@@ -233,8 +244,7 @@ class Run:
             raise RunError(
                 f"fewer than two samples in {self.name} between {start:g} and {stop:g} s: choose another part"
             )
-        names = ("t", "force", "moment", "omega", "specific_force", "attitude", "missing")
-        signals = {name: getattr(self, name)[keep] for name in names if getattr(self, name) is not None}
+        signals = {name: getattr(self, name)[keep] for name in SIGNALS if getattr(self, name) is not None}
         return replace(self, **signals, segments=((start, stop),))
 
     def within(self, segments: Iterable[tuple[float, float]]) -> "Run":

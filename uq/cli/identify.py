@@ -60,15 +60,15 @@ def configure(parser: CommandParser) -> None:
     )
     parser.value("--out", "DIR", "folder for result.json, report.html and the figures")
     parser.value("--jobs", "JOBS.toml", "many bodies, each with its runs and its experiment, in a folder of --out each")
-    parser.value("--processes", "N", "most jobs at a time (as many as there are cores)", type=whole_number)
+    parser.value("--processes", "N", "most jobs or runs at a time (as many as there are cores)", type=whole_number)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.processes is not None and arguments.processes < 1:
+        raise ExperimentError(f"--processes is {arguments.processes}: give 1 or more")
     if arguments.jobs is not None:
         return _run_jobs(arguments)
-    if arguments.processes is not None:
-        raise ExperimentError("--processes is for --jobs, which is not given: add --jobs JOBS.toml, or remove it")
     if not arguments.runs or arguments.experiment is None:
         missing = "--experiment is" if arguments.runs else "runs are"
         raise ExperimentError(f"{missing} missing: give RUN.mcap and --experiment E.toml, or --jobs JOBS.toml")
@@ -83,11 +83,12 @@ def run(arguments: argparse.Namespace) -> int:
         mountings=None if arguments.mounting is None else mounting_names(arguments.mounting),
         centre=arguments.centre, tare=arguments.tare, tare_centre=arguments.tare_centre, expected=arguments.expected,
         formats=() if arguments.export is None else export_formats.chosen(arguments.export), force=arguments.force,
-        validate=arguments.validate,
+        validate=arguments.validate, processes=arguments.processes,
     )  # fmt: skip
     request.check()
     with output_folder(arguments.out) as out:
-        result = request.identified()
+        with TerminalBar(unit="runs") as bar:
+            result = request.identified(bar)
         finish(Certificate(result), out, *request.compared(result), *request.exported(result))
     return 0
 
@@ -101,8 +102,6 @@ def _run_jobs(arguments: argparse.Namespace) -> int:
         raise ExperimentError(f"{option} beside --jobs: {cure}, or remove it")
     if arguments.out is None:
         raise ExperimentError("--jobs has no folder: add --out DIR")
-    if arguments.processes is not None and arguments.processes < 1:
-        raise ExperimentError(f"--processes is {arguments.processes}: give 1 or more")
     from uq.jobs.identify_jobs import identify_jobs  # a single body waits for no page
     from uq.jobs.jobs_file import load_jobs
     from uq.jobs.summary import findings, table

@@ -11,6 +11,7 @@ from identify.display.reporting import Result
 from identify.results.identification_result import Identification
 from uq.bodies import export_formats
 from uq.experiment.experiment import Experiment
+from uq.progress_bar import Progress
 from uq.runs.identification.identify_files import identify_files
 from uq.runs.identification.tare import check_tare, tare_files
 from uq.runs.recorded.time_window import TimeWindow
@@ -41,6 +42,8 @@ class BodyRequest:
     force: bool = False
     """Whether even a tensor that the runs contradict is exported."""
     validate: bool = False
+    processes: int | None = None
+    """Most processes among which many runs are shared; None: as many as there are processors."""
 
     @cached_property
     def experiment(self) -> Experiment:
@@ -67,8 +70,8 @@ class BodyRequest:
         _ = self.experiment, self.reference
         check_tare(self.tare, self.experiment, self.tare_centre, self.method)
 
-    def identified(self) -> Identification:
-        """Return the tensor of the body, without its fixture.
+    def identified(self, progress: Progress | None = None) -> Identification:
+        """Return the tensor of the body, without its fixture; ``progress`` is called as by ``identify_files``.
 
         Raises:
             ExperimentError, RigError, RunError: see :func:`uq.runs.identification.identify_files.identify_files` and
@@ -77,6 +80,7 @@ class BodyRequest:
         result = identify_files(
             self.runs, self.experiment, windows=self.windows, mountings=self.mountings, centre=self.centre,
             validate=self.validate, estimator=self.estimator, offsets=self.offsets, method=self.method,
+            processes=self.processes, progress=progress,
         )  # fmt: skip
         return tare_files(
             result, self.tare, self.experiment, tare_centre=self.tare_centre,

@@ -1,16 +1,20 @@
 """Identification of many bodies, a folder each: the function behind ``inertia identify --jobs``."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rig.child_process import processors
 from uq.files.mistakes import ExperimentError
-from uq.jobs.job_processes import answers_of
 from uq.jobs.job_result import JobResult
+from uq.jobs.job_work import failed, work
 from uq.jobs.jobs_file import Job, load_jobs
 from uq.jobs.summary import write_summary
+from uq.processes.process_pool import Answer, ProcessPool
 from uq.progress_bar import Progress, progress_of
+
+OUT_OF_MEMORY = "out of memory: give this process more, run fewer with --processes, or take shorter runs"
 
 
 def identify_jobs(
@@ -45,10 +49,22 @@ def identify_jobs(
 def _results(jobs: Sequence[Job], out: Path, processes: int, progress: Progress) -> Iterator[JobResult]:
     results: dict[str, JobResult] = {}
     progress("jobs", 0, len(jobs))
-    with closing(answers_of(jobs, out, processes)) as answers:
-        for job, answer in answers:
-            folder = None if answer["status"] == "failed" else out / job.name
-            results[job.name] = result = JobResult(name=job.name, folder=folder, **answer)
+    with ProcessPool(min(processes, len(jobs))) as pool:
+        for answer in pool.answers(partial(work, out=out), jobs):
+            job, outcome = jobs[answer.number], _outcome(answer)
+            folder = None if outcome["status"] == "failed" else out / job.name
+            results[job.name] = result = JobResult(name=job.name, folder=folder, **outcome)
             progress("jobs", len(results), len(jobs))
             yield result
     write_summary([results[job.name] for job in jobs], out)
+
+
+def _outcome(answer: Answer) -> dict[str, Any]:
+    """Return how a job went; a fault of this program in one job, or the end of its process, costs no other."""
+    if answer.died:
+        return failed(answer.died.replace("(out of memory?)", "(out of memory? run fewer with --processes)"))
+    if answer.error is None:
+        return dict(answer.value)
+    text = f"{type(answer.error).__name__}: {answer.error}"
+    short = isinstance(answer.error, MemoryError) or "RESOURCE_EXHAUSTED" in text
+    return failed(OUT_OF_MEMORY if short else f"a fault of this program: {text}")

@@ -42,6 +42,7 @@ def _worked(job: Job, folder: Path) -> dict[str, str]:
     request = BodyRequest(
         runs=list(paths_of(job.runs)), experiment_file=job.experiment, method=job.method, mountings=job.mounting,
         centre=job.centre, tare=list(paths_of(job.tare)), expected=job.expected, formats=job.export,
+        processes=1,
     )  # fmt: skip
     refuse_strangers(folder)
     request.check()

@@ -99,7 +99,7 @@ class ErrorColumns:
         """The run at the nodes by which the attitude follows the gyro; no wrench."""
         run, s, x = self.run, self.run.signals, self.run.x
         slope = (run.model.spline(s.nodes, 1)[:, :3] - x["gyro_drift"]) / s.scale
-        gyro, up = s.rate_at(s.nodes), (s.up_at_start @ s.attitude_at_nodes) @ s.turn.T
+        gyro, up = s.rate_at_nodes, (s.up_at_start @ s.attitude_at_nodes) @ s.turn.T
         omega, alpha = gyro @ s.turn.T, slope @ s.turn.T
         lever = np.cross(alpha, run.arm) + np.cross(omega, np.cross(omega, run.arm))
         force = run.gravity * up + lever

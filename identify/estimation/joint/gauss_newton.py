@@ -18,8 +18,6 @@ from identify.estimation.joint.priors import Prior
 
 TOLERANCE = 1e-6
 """Last step of the search in standard uncertainties of the unknowns, at which it ends."""
-ROUGH = 1e-3
-"""Last step, in standard uncertainties, of a solution that only shows the noise."""
 MOST_STEPS = 30
 Transform = Callable[[Float[np.ndarray, "n rows p"]], Float[np.ndarray, "m rows p"]]
 """Function that transforms rows before they are weighed."""
@@ -83,7 +81,6 @@ def solve(
     transform: Transform,
     *,
     weights: Weights = unweighted,
-    tolerance: float = TOLERANCE,
 ) -> RunSolution:
     """Return the most probable unknowns.
 
@@ -93,7 +90,6 @@ def solve(
         start: z to start from.
         transform: of rows, to units of their noise.
         weights: of the equations, given the transformed columns.
-        tolerance: of the solution, in standard uncertainties.
     """
     z, change, steps = start, np.full(len(start), np.inf), 0
     while True:
@@ -106,7 +102,7 @@ def solve(
         normal = information + np.diag(prior.counted)
         change = np.linalg.solve(normal, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
         # a step in units of the posterior's standard uncertainties: scale-free, and small when nothing is left to gain
-        converged = bool(change @ normal @ change < tolerance**2 * len(z))
+        converged = bool(change @ normal @ change < TOLERANCE**2 * len(z))
         if converged or steps == MOST_STEPS or not np.isfinite(change).all():
             return RunSolution(z, information, weight, at.prediction, steps, converged)
         z, steps = z + change, steps + 1

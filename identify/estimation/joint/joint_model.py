@@ -21,6 +21,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from identify.errors.registry import ERRORS
+from identify.motion.attitude import GAUSS
 from identify.signals.band_limited_run import InBand
 from identify.signals.resample import UniformSpline
 
@@ -83,6 +84,33 @@ class Model:
     def spline(self) -> UniformSpline:
         """Angular velocity [rad/s] and, where there is one, specific force [m/s²] in the IMU's axes, by time."""
         return UniformSpline(self.rows.motion, self.rows.step)
+
+    @cached_property
+    def between_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """The IMU's signals at the two Gauss points between each node and the next, by which the attitude turns."""
+        nodes = self.rows.step * np.arange(self.rows.motion.shape[1])
+        first, second = (self.spline(nodes + (0.5 + sign * GAUSS) * self.rows.step) for sign in (-1, 1))
+        return first, second
+
+    @cached_property
+    def at_nodes(self) -> Float[np.ndarray, "nodes channels"]:
+        """The IMU's signals at the nodes."""
+        return self.spline(self.rows.step * np.arange(self.rows.motion.shape[1] + 1))
+
+    def late(self, delay: float) -> tuple[np.ndarray, ...]:
+        """Return the IMU's signals at the rows that count, ``delay`` [s] later, and their first two derivatives.
+
+        Those of the last delay are kept: most searches have one throughout.
+        """
+        if delay not in self._late:
+            self._late.clear()
+            t = self.rows.t[self.used] + delay
+            self._late[delay] = tuple(self.spline(t, order) for order in range(3))
+        return self._late[delay]
+
+    @cached_property
+    def _late(self) -> dict[float, tuple[np.ndarray, ...]]:
+        return {}
 
     def with_fast_transform(self) -> "Model":
         """Return the model with a few less of many rows, for a three times faster transform."""

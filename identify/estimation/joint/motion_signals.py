@@ -86,7 +86,7 @@ class MotionSignals:
     @cached_property
     def _values(self) -> tuple[np.ndarray, ...]:
         """The IMU's signals at the rows, ``delay`` later, and their first two derivatives."""
-        return tuple(self.model.spline(self.late, order) for order in range(3))
+        return self.model.late(float(self.x["delay"][0]))
 
     @cached_property
     def scale(self) -> Float[np.ndarray, "3"]:
@@ -148,19 +148,34 @@ class MotionSignals:
         """Instants of the nodes [s]."""
         return self.model.rows.step * np.arange(self.model.rows.motion.shape[1] + 1)
 
-    def rate_at(self, t: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
-        """Return the angular velocity in the IMU's axes at instants of the IMU [rad/s]."""
-        return np.asarray((self.model.spline(t)[:, :3] - self.slow_basis(t) @ self.slow) / self.scale)
+    def rate_at(
+        self, t: Float[np.ndarray, " k"], signals: Float[np.ndarray, "k channels"] | None = None
+    ) -> Float[np.ndarray, "k 3"]:
+        """Return the angular velocity in the IMU's axes at instants of the IMU [rad/s]; its signals may be known."""
+        measured = self.model.spline(t) if signals is None else signals
+        return np.asarray((measured[:, :3] - self.slow_basis(t) @ self.slow) / self.scale)
 
-    def _turns(self, start: Float[np.ndarray, " k"], step: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3 3"]:
+    @cached_property
+    def rate_at_nodes(self) -> Float[np.ndarray, "nodes 3"]:
+        """Angular velocity in the IMU's axes at the nodes [rad/s]."""
+        return self.rate_at(self.nodes, self.model.at_nodes)
+
+    def _turns(
+        self,
+        start: Float[np.ndarray, " k"],
+        step: Float[np.ndarray, " k"],
+        signals: tuple[np.ndarray | None, np.ndarray | None],
+    ) -> Float[np.ndarray, "k 3 3"]:
         """Rotations over some steps: fourth-order Magnus steps on two Gauss points each."""
-        first, second = (self.rate_at(start + (0.5 + sign * GAUSS) * step) for sign in (-1, 1))
+        points = zip((-1, 1), signals, strict=True)
+        first, second = (self.rate_at(start + (0.5 + sign * GAUSS) * step, known) for sign, known in points)
         return exponential(magnus_turn(first, second, step))
 
     @cached_property
     def attitude_at_nodes(self) -> Float[np.ndarray, "nodes 3 3"]:
         """Rotations from the IMU's axes at each node to those at the first."""
-        turns = self._turns(self.nodes[:-1], np.diff(self.nodes))
+        step = np.diff(self.nodes)
+        turns = self._turns(self.nodes[:-1], step, self.model.between_nodes)
         return cumulative_product(np.concatenate([np.eye(3)[None], turns]))
 
     @cached_property
@@ -177,7 +192,9 @@ class MotionSignals:
     def attitude(self) -> Float[np.ndarray, "n 3 3"]:
         """Rotations from the IMU's axes at each row to those at the first node."""
         at_nodes = self.attitude_at_nodes[self.interval]
-        return at_nodes if not self.since.any() else at_nodes @ self._turns(self.nodes[self.interval], self.since)
+        if not self.since.any():
+            return at_nodes
+        return at_nodes @ self._turns(self.nodes[self.interval], self.since, (None, None))
 
     @cached_property
     def turning(self) -> Float[np.ndarray, "n 3"]:

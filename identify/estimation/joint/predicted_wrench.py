@@ -4,7 +4,7 @@ Rows are measured less predicted wrench about Q. Where nothing tells the specifi
 that of the measured force, and only moments about the centre of gravity say anything (:func:`about_centre`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,10 @@ class PredictedWrench:
     model: Model
     theta: Float[np.ndarray, " count"]
     """Unknowns in the order of :data:`identify.estimation.joint.joint_model.SLICES`."""
+
+    def __reduce__(self) -> tuple[type["PredictedWrench"], tuple[Model, np.ndarray]]:
+        """Go to another process without what is computed from the two."""
+        return PredictedWrench, (replace(self.model), self.theta)
 
     @cached_property
     def x(self) -> dict[str, np.ndarray]:
@@ -193,7 +197,7 @@ class PredictedWrench:
             return self._by_slow_rate(slice(1, 2), slope=1.0)
         if name == "gyro_scale":
             omega, alpha = (-s.turn * (signal / s.scale)[:, None] for signal in (s.imu_rate, s.imu_acceleration))
-            turning = -np.eye(3) * (s.rate_at(s.nodes) / s.scale)[:, None] if still else None
+            turning = -np.eye(3) * (s.rate_at_nodes / s.scale)[:, None] if still else None
             return self.changed(omega, alpha, zero, turning=turning)
         if name == "rotation":
             # a turn δ of B changes every vector v read by the IMU by δ × v = -[v]× δ; the left Jacobian takes the

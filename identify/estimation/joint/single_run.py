@@ -7,7 +7,7 @@ import numpy as np
 
 from identify.display.rounding import significant
 from identify.estimation.joint.delay_search import features_at_delay, motion_at_delay, search_delay
-from identify.estimation.joint.gauss_newton import ROUGH, RunSolution, Transform, linearised, posterior, solve
+from identify.estimation.joint.gauss_newton import RunSolution, Transform, linearised, posterior, solve
 from identify.estimation.joint.joint_model import COUNT, SLICES, Model, unknowns
 from identify.estimation.joint.motion_signals import MotionSignals
 from identify.estimation.joint.noise_spectrum import NoiseSpectrum, noise_spectrum
@@ -85,7 +85,7 @@ def joint_run(run: Run, setting: Setting) -> JointRun:
     _check_excitation(run, model, setting, sigma)
     noise = _raw_noise(run, model, prior) / model.rows.factor
     try:
-        first = solve(model, prior, search_start(model, prior, setting), whitening(noise), tolerance=ROUGH)
+        first = solve(model, prior, search_start(model, prior, setting), whitening(noise))
         _check(run.name, model, prior, first)
         # a step of iteratively reweighted least squares: weights from the residuals of the first solution
         noise = residual_noise(first, prior, model)

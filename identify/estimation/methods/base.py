@@ -1,10 +1,10 @@
 """The estimators' interface: the problem that they are given, and their abstract class."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from identify.rigid_body.gravity import STANDARD_GRAVITY
 from identify.signals.estimator_spec import EstimatorSpec
 from identify.signals.run import Run
 
+R = TypeVar("R")
+RunMap = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""Function as the builtin ``map``, which may work on several items at a time, each in another process."""
 SHORTEST = 64
 """Least number of samples for the motion's band."""
 
@@ -48,6 +51,12 @@ class Problem:
     """Declared constant errors by the name of their source, for an estimator that takes them along."""
     drawn_by_mounting: frozenset[str] = frozenset()
     """Unknowns of the joint model that are others in each mounting, as far as the runs name theirs."""
+    each: RunMap = map
+    """Function that does what is done run by run."""
+
+    def by_run(self, function: Callable[[Run], R]) -> list[R]:
+        """Return what a function, which can be pickled, makes of each run."""
+        return list(self.each(function, self.runs))
 
     @property
     def without_mountings(self) -> "Problem":

@@ -1,6 +1,7 @@
 """Generalised least squares: r_CG as stated, rows weighed by their errors' covariance, where weights can be trusted."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -35,10 +36,11 @@ class GeneralisedLeastSquares(Method):
         """
         spec, sigma = estimator_for(problem), problem.sigma_r_cg
         errors = list(axes_of(problem.errors).values())
-        runs = [
-            whitened(run, spec, problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma, errors=errors)
-            for run in problem.runs
-        ]
+        runs = problem.by_run(
+            partial(
+                whitened, estimator=spec, r_cg=problem.r_cg, offsets=problem.offsets, sigma_r_cg=sigma, errors=errors
+            )
+        )
         weighted, plain = ([getattr(run, name) for run in runs] for name in ("weighted", "plain"))
         with_weights, without = pool(weighted, sigma), pool(plain, sigma)
         centre_covariance = np.diag(sigma**2) if problem.centre is None else problem.centre.covariance[1:4, 1:4]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -55,11 +56,20 @@ class JointEstimator(Method):
             errors=problem.errors, drawn_by_mounting=problem.drawn_by_mounting,
             lasting={} if problem.centre is None else problem.centre.lasting_errors,
         )  # fmt: skip
-        fitted = [joint_run(run, setting) for run in problem.runs]
-        if specific_force == "still":
-            for run in fitted:
-                check_still(run)
+        fitted = problem.by_run(partial(checked_run, setting=setting))
         return joint_result(fitted, setting, problem.offsets)
+
+
+def checked_run(run: Run, setting: Setting) -> JointRun:
+    """Return a run's joint estimate, its centre of gravity still where it is declared so.
+
+    Raises:
+        RunError: see :func:`identify.estimation.joint.single_run.joint_run` and :func:`check_still`.
+    """
+    fitted = joint_run(run, setting)
+    if setting.specific_force == "still":
+        check_still(fitted)
+    return fitted
 
 
 def beside_alignment(errors: Mapping[str, ConstantError]) -> dict[str, ConstantError]:

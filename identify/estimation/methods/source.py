@@ -1,6 +1,7 @@
 """The paper's estimator, named ``source``: r_CG as stated, ordinary least squares; the result of any by rows."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class SourceEstimator(Method):
             RunError: a run too short for the estimator, or a motion that identifies nothing.
         """
         spec = estimator_for(problem)
-        runs = [information(run, spec, problem.r_cg, offsets=problem.offsets) for run in problem.runs]
+        runs = problem.by_run(partial(information, estimator=spec, r_cg=problem.r_cg, offsets=problem.offsets))
         return result_of(problem, spec, runs, pool(runs, problem.sigma_r_cg), "source")
 
 

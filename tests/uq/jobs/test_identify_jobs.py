@@ -5,7 +5,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import time
 from importlib import resources
 
@@ -14,12 +13,12 @@ import pytest
 
 from identify.results.identification_result import Identification
 from identify.rigid_body.inertia import COMPONENTS
-from rig.child_process import start_module, start_python
+from rig.child_process import start_python
 from uq import Experiment, ExperimentError, identify_files, identify_jobs
 from uq.cli.main import main
-from uq.jobs import job_processes
 from uq.jobs.job_work import work
 from uq.jobs.jobs_file import load_jobs
+from uq.processes import process_pool
 
 E = "t1-10s.toml"
 GAIN = {"19.7 kg": "21.67 kg", "381.3 g": "419.43 g", "18.5 g": "20.35 g", "379.1 g": "417.01 g"}
@@ -194,7 +193,7 @@ def test_runs_and_experiment_are_needed_without_jobs(capsys):
     for options, message in (
         ([], "runs are missing"),
         (["a.mcap"], "--experiment is missing"),
-        (["a.mcap", "--experiment", E, "--processes", "2"], "--processes is for --jobs"),
+        (["a.mcap", "--experiment", E, "--processes", "0"], "--processes is 0: give 1 or more"),
     ):
         assert main(["identify", *options]) == 2
         assert message in capsys.readouterr().err
@@ -213,9 +212,10 @@ def test_a_job_goes_before_what_is_said_of_all(tmp_path):
 
 
 STAND_IN = """\
-import json, os, sys, time
-for line in sys.stdin:
-    name = json.loads(line)["name"]
+import os, pickle, sys, time
+from uq.processes.messages import receive, send
+while (message := receive(sys.stdin.buffer)) is not None:
+    name = pickle.loads(message)[1].name
     if name == "dies":
         os.kill(os.getpid(), 9)
     if name == "fails":
@@ -223,7 +223,8 @@ for line in sys.stdin:
     if name == "sleeps":
         open(sys.argv[1], "w").write(str(os.getpid()))
         time.sleep(600)
-    print(json.dumps({"status": "failed", "verdict": "failed", "line": f"{name} by {os.getpid()}", "note": ""}), flush=True)
+    answer = {"status": "failed", "verdict": "failed", "line": f"{name} by {os.getpid()}", "note": ""}
+    send(sys.stdout.buffer, pickle.dumps((answer, None)))
 """
 """A process that answers in place of one that identifies."""
 
@@ -231,8 +232,8 @@ for line in sys.stdin:
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch):
     """Put it there; return the function that gives jobs of these names to it."""
-    started = lambda module, out, **pipes: start_python(STAND_IN, str(tmp_path / "pid"), **pipes)  # noqa: E731
-    monkeypatch.setattr(job_processes, "start_module", started)
+    started = lambda module, **pipes: start_python(STAND_IN, str(tmp_path / "pid"), **pipes)  # noqa: E731
+    monkeypatch.setattr(process_pool, "start_module", started)
 
     def results(*names, processes=1):
         text = "".join(f'[[job]]\nname = "{name}"\nruns = ["x"]\n' for name in names)
@@ -264,12 +265,6 @@ def test_whoever_stops_ends_all_processes(stand_in, tmp_path):
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid), 0)
     assert not (tmp_path / "out" / "summary.csv").exists()
-
-
-def test_a_process_ends_with_the_command_that_started_it(tmp_path):
-    process = start_module("uq.jobs", str(tmp_path), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
-    process.stdin.close()
-    assert process.wait(60) == 0
 
 
 def test_what_the_runs_contradict_is_kept_but_not_exported(night, tmp_path, monkeypatch):

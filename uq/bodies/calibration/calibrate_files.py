@@ -14,7 +14,7 @@ from identify.estimation.joint.priors import Alignment
 from identify.estimation.methods.base import Problem
 from identify.estimation.methods.joint import specific_force_source
 from identify.exceptions import RunError, explains_names
-from identify.judge.judged_fits import falls
+from identify.judge.judged_fits import judged_ways
 from identify.known_bodies import Doubt, KnownBody, RigErrors, rig_errors
 from identify.results.declaration import ResidualCause
 from identify.results.identification_result import Identification
@@ -126,7 +126,7 @@ class _Prepared:
     def absent(self) -> frozenset[str]:
         """Conditions of errors that this rig does not meet."""
         absent = set()
-        weightless = any(falls(run, self.identified, self.problem) for run in self.runs)
+        weightless = any(map(judged_ways(self.identified, self.problem).falls, self.runs))
         if weightless:
             absent.add("mounting")
         if weightless or specific_force_source(self.problem) != "accelerometer":

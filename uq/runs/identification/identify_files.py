@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from identify.choices import OffsetChoice
 from identify.estimation.joint.priors import Alignment
+from identify.estimation.methods.base import RunMap
 from identify.estimation.methods.source import ALIGNED, NO_OFFSETS
 from identify.estimation.static_poses.centre_result import Centre
 from identify.exceptions import explains_names
@@ -31,6 +33,8 @@ from uq.experiment.experiment import Experiment
 from uq.experiment.report_table import cautions
 from uq.experiment.undeclared_table import NONE
 from uq.files.provenance import provenance
+from uq.processes.process_pool import run_map
+from uq.progress_bar import Progress, progress_of
 from uq.runs.identification.centre_errors import check_declared
 from uq.runs.identification.centre_prior import centre_provenance, load_centre, with_centre_prior, with_free_centre
 from uq.runs.identification.estimated_errors import drawn_unknowns, estimated_errors
@@ -68,6 +72,8 @@ def identify_files(
     centre: str | Path | Centre | None = None,
     method: str | None = None,
     validate: bool = False,
+    processes: int | None = None,
+    progress: Progress | bool | None = None,
 ) -> Identification:
     """Identify the tensor from recorded runs of one body; with its fixture, which ``tare_files`` takes off.
 
@@ -82,6 +88,9 @@ def identify_files(
             experiment's.
         method: the estimator of :func:`identify.identify`; None: the recording's.
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
+        processes: most processes among which many runs are shared, which changes no number; None: as many as there are
+            processors.
+        progress: called with "runs", those done and all of them, in each of some passes over many; True: a bar.
 
     Raises:
         ExperimentError, RigError, RunError: see :func:`uq.runs.recorded.load_run.load_run`,
@@ -90,6 +99,19 @@ def identify_files(
             :func:`uq.runs.identification.systematic_errors.with_declared_sources`.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    with run_map(len(paths), processes, progress_of(progress, "runs")) as each:
+        return _identified(
+            paths, experiment, each, estimator=estimator, offsets=offsets, windows=windows, mountings=mountings,
+            centre=centre, method=method, validate=validate,
+        )  # fmt: skip
+
+
+def _identified(
+    paths: Sequence[str | Path], experiment: Experiment, each: RunMap, *, estimator: str | None,
+    offsets: OffsetChoice | None, windows: Sequence[TimeWindow] | None, mountings: Sequence[str] | None,
+    centre: str | Path | Centre | None, method: str | None, validate: bool,
+) -> Identification:  # fmt: skip
+    """Identify the tensor, with what is done run by run done by ``each``; see :func:`identify_files`."""
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
     check_count(mountings, len(paths))
@@ -102,16 +124,18 @@ def identify_files(
         raise RunError(f"recording.zero_frame is base, which the method {method} does not know: use the method joint")
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
     spec = experiment.estimator(estimator) if experiment.estimators or estimator else None
-    prepared = [prepared_run(path, experiment, spec, windows) for path in paths]
+    prepare = partial(prepared_run, experiment=experiment, spec=spec, windows=windows, compact=len(paths) > 1)
+    prepared = list(each(prepare, paths))
     runs = labelled([run for run, _ in prepared], mountings)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     check_instruments(experiment.calibrations, inputs)
 
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
-        return _estimated(runs, experiment, spec, prior, method, validate)
+        return _estimated(runs, experiment, spec, prior, method, validate=validate, each=each)
 
     def suspicions(aligned: bool) -> list[str]:
-        return [text for run in runs for text in convention_warnings(run, experiment, turn_free=aligned, zero=prior)]
+        judged = each(partial(convention_warnings, experiment=experiment, turn_free=aligned, zero=prior), runs)
+        return [text for texts in judged for text in texts]
 
     try:
         result = estimated(runs, validate)
@@ -203,7 +227,9 @@ def _estimated(
     spec: EstimatorSpec | None,
     prior: Centre | None,
     method: str | None,
+    *,
     validate: bool,
+    each: RunMap,
 ) -> Identification:
     """The tensor of some runs, with what is declared of them."""
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
@@ -224,6 +250,7 @@ def _estimated(
         errors=estimated_errors(experiment, duration, redrawn),
         drawn_by_mounting=drawn_unknowns(experiment),
         validate=validate,
+        each=each,
     )
     result = with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
     check_covariances(result)
@@ -250,8 +277,9 @@ def _repeatability(repeats: ScatterVerdict) -> ResidualCause:
 
 
 def prepared_run(
-    path: str | Path, experiment: Experiment, spec: EstimatorSpec | None, windows: Sequence[TimeWindow] | None
-) -> tuple[Run, tuple[str, ...]]:
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec | None, windows: Sequence[TimeWindow] | None,
+    *, compact: bool = False,
+) -> tuple[Run, tuple[str, ...]]:  # fmt: skip
     """Return the segments of a run that count, its weight put back, with its rest; and what is assumed.
 
     Args:
@@ -259,7 +287,15 @@ def prepared_run(
         experiment: what the channels mean, and where the weight acts.
         spec: the estimator; None: it is found in the run.
         windows: the time windows that count; None: where it moves.
+        compact: whether the samples beyond what counts are let go of.
     """
+    run, assumed = _prepared(path, experiment, spec, windows)
+    return run.compact if compact else run, assumed
+
+
+def _prepared(
+    path: str | Path, experiment: Experiment, spec: EstimatorSpec | None, windows: Sequence[TimeWindow] | None
+) -> tuple[Run, tuple[str, ...]]:
     recording = experiment.recording
     band = None if spec is None else spec.band
     recorded = load(path, recording, gravity=experiment.gravity, band=band, marks=names_marks(windows))
