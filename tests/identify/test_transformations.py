@@ -124,10 +124,15 @@ def as_number(kernel, seed=0):
 DEAR = {"leg forces", "sphere trajectory", "multisine", "least squares from sums", "ordinary_least_squares"}
 """They compile for seconds. Derivatives of the forces: ``motion/test_stewart_platform.py``; another trajectory is here;
 of least squares: ``how-to/derivatives.md``, which ``test_pages.py`` runs."""
+POLYNOMIALS = {
+    "pack", "unpack", "parallel_axis", "rotate", "wrench", "moment_about_cg", "acceleration_at", "pi", "wrench_regressor",
+    "cylinder", "sphere", "left_over", "gram sums",
+}  # fmt: skip
+"""Sums and products, as ``omega_r``: no branch, root or rule of its own that a derivative or a batch could miss."""
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR else name for name in KERNELS]
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in DEAR | POLYNOMIALS else name for name in KERNELS]
 )
 def test_a_kernel_is_jitted_batched_and_differentiated(name, generator):
     kernel, *arrays = KERNELS[name]

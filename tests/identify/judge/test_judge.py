@@ -87,6 +87,7 @@ def test_what_has_no_name_is_said_first_and_widens_the_interval(mass, frequency)
     assert (np.abs(result.inertia - measured.truth) < np.ptp(result.interval95, axis=1)).all()
 
 
+@pytest.mark.slow  # of a file: runs/identification/test_judge.py
 def test_the_end_of_a_sensors_range_is_said():
     measured = measure(0, **TROUBLES["clipping"].options(0.1, 0), **SHORT)
     assert {"saturation"} <= {verdict.cause for verdict in identified(measured).consistency}

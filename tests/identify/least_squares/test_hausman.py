@@ -101,7 +101,13 @@ ERRORS = {
 }
 
 
-@pytest.mark.parametrize("option", ERRORS)
+@pytest.mark.parametrize(
+    "option",
+    [
+        pytest.param(option, marks=() if option in ("cell_gain", "gyro_scale") else pytest.mark.slow)
+        for option in ERRORS
+    ],
+)
 def test_a_difference_that_declared_errors_explain_is_expected(option):
     """Ordinary least squares of the laboratory with the error, less those with its negative: to 3 % of the largest."""
     unknown, numbers, amount = ERRORS[option]
@@ -131,7 +137,14 @@ def test_clean_runs_are_answered_with_weights_narrower_and_true(still, unjudged)
     assert np.mean(square) < 2
 
 
-@pytest.mark.parametrize("name", [pytest.param("cable", marks=pytest.mark.study), "flexible mounting", "cross-talk"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("cable", marks=pytest.mark.study),
+        pytest.param("flexible mounting", marks=pytest.mark.slow),
+        "cross-talk",
+    ],
+)
 def test_a_moment_that_the_model_lacks_is_said_and_the_wider_answer_given(name, unjudged):
     run = troubled(name, 7)
     result, plain = identified(run, "gls"), identified(run)

@@ -312,6 +312,7 @@ def test_noise_comes_before_the_end_of_the_range():
 # --- derivatives ---
 
 
+@pytest.mark.slow  # no part of the program differentiates them: the law does sums, analysis/propagation/test_experiment_law.py
 def test_signals_are_smooth_in_the_draws():
     """The derivative of the record by every draw at once, against central differences."""
     e = experiment(*DRAWN, source("delay", "omega", "delay", sigma="1 ms"))

@@ -49,6 +49,7 @@ def test_the_accelerometers_delay_is_named_and_its_key_leads_to_the_truth(tmp_pa
 
 
 @pytest.mark.parametrize("method", ["source", pytest.param("gls", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_least_squares_need_no_accelerometer_and_blame_no_gyro(tmp_path, method):
     late = source("late", "omega", "delay", 3e-4) | {"mean": f"{float(GYRO)!r} s"}
     result = identified_files(measure(3, **FILTERS), tmp_path, method, [late])

@@ -278,6 +278,7 @@ def scene(short, folder):
     return recorded, write(folder / "scene.mcap", signals)
 
 
+@pytest.mark.slow  # in scenes of several motions: recorded/test_segments.py
 def test_without_options_the_right_segment_is_found(short, scene):
     recorded, path = scene
     found = identify_files([path], declare(short))
@@ -304,6 +305,7 @@ def test_everything_would_be_wrong(short, scene):
     assert np.abs(whole.inertia - short.inertia).max() > 0.05
 
 
+@pytest.mark.slow  # of one part between marks: recorded/test_time_window.py
 def test_several_parts_are_those_parts_and_nothing_between(short, scene):
     """Filters do not reach over the seams: the sums of two halves with a second between are those of the two halves."""
     recorded, path = scene

@@ -76,6 +76,7 @@ def test_gravity_of_another_place_is_a_rival_of_the_mass(tmp_path, method):
     assert covers(cured, measured.truth)
 
 
+@pytest.mark.slow  # with an accelerometer: below
 def test_what_air_lifts_is_a_rival_of_the_mass_about_a_point_at_rest(tmp_path):
     measured = lifted(measure(3, still=True, **SHORT), 3.0)
     text = line(identified(measured, tmp_path, "joint")[0], "mass")

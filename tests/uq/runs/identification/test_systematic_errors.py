@@ -173,6 +173,7 @@ def test_an_expected_error_is_stated_and_in_the_interval(short):
 
 
 @pytest.mark.parametrize("sigma", [pytest.param(0.0, marks=pytest.mark.study), 1e-3])
+@pytest.mark.slow  # an expected gain: above
 def test_an_expected_delay_is_a_bias_however_well_it_is_known(short, sigma):
     """Of 20 ms, eight samples: the angular velocity of earlier ones, identified, against the mean of the draws."""
     late = Source("late", "omega", "delay", "imu", np.array(sigma), mean=np.array(0.02))

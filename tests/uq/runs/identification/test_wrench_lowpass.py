@@ -70,6 +70,7 @@ def test_of_a_slow_motion_delay_and_low_pass_are_both_named(tmp_path, monkeypatc
     assert result.mass_uncertainty < 1e-3
 
 
+@pytest.mark.slow  # at 3 Hz: above
 def test_a_lag_is_named_where_the_delay_is_said_to_be_exact(tmp_path, clean):
     """At 10 Hz, twice the corner that the motion tells from a delay: the estimate did not converge, without a word of it."""
     path = posed_runs.write(tmp_path / "run", posed_runs._low_passed(10.0)(clean), "joints", "mcap")

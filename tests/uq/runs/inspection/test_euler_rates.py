@@ -74,6 +74,7 @@ def test_the_formula_that_is_told_leads_to_the_truth(tmp_path):
     assert np.abs(warned.inertia - measured.truth).max() > 5 * np.abs(cured.inertia - measured.truth).max()
 
 
+@pytest.mark.slow  # maps of an attitude: tables/test_attitudes_of_a_map.py
 def test_the_import_of_the_attitude_that_is_told_leads_to_the_truth(tmp_path):
     measured = measure(3, seconds=SECONDS)
     quaternion = Rotation.from_euler("ZYX", angles()[0][:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
@@ -99,6 +100,7 @@ def test_other_angles_are_told_by_their_order(tmp_path, order):
     assert "roll'" not in finding.text
 
 
+@pytest.mark.slow  # of another order: above
 def test_rates_in_the_order_of_turning_are_told(tmp_path):
     """Yaw, pitch and roll in the channels x, y and z, as some functions return them."""
     rates = with_rates(measure(4, seconds=SECONDS))

@@ -255,7 +255,7 @@ def published(q, v, case):
     }[case]
 
 
-@pytest.mark.parametrize("gravity", [True, False])
+@pytest.mark.parametrize("gravity", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("case", "note"),
     [
