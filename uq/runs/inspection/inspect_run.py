@@ -34,7 +34,7 @@ def inspect_run(path: str | os.PathLike[str], experiment: "Experiment | None" = 
         experiment: what the channels mean, mass and centre of gravity; None: the signals alone.
 
     Returns:
-        A report of rates, jitter and clocks, and the findings with their cures; see docs/how-to/rig.md.
+        A report of rates, jitter and clocks, and the findings with their cures; see docs/how-to/inspect.md.
 
     Raises:
         RigError: the file is no recording, cut or damaged.
