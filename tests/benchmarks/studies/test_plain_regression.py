@@ -18,7 +18,8 @@ from benchmarks.studies.plain_regression import Measured, Stated, coverage_lines
 ARM = Path(__file__).parents[3] / "uq" / "examples" / "arm.toml"
 
 
-@pytest.mark.parametrize("lowpass", [pytest.param(None, marks=pytest.mark.slow), 20.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("lowpass", [None, 20.0])
 def test_plain_least_squares_is_right_where_nothing_errs(lowpass):
     """All joints swing for 4 s; differences of samples and the filter err by 3e-3 at most."""
     experiment = Experiment.load(ARM)

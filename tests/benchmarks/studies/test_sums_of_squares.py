@@ -45,6 +45,7 @@ def test_the_identity_holds_at_random_points(generator, solved):
     assert left.min() < 0.2  # the points come near
 
 
+@pytest.mark.slow
 def test_what_the_solver_leaves_is_added(solved):
     """A solution that has been spoiled proves less, by what the identity lacks."""
     programme, unknowns = solved
@@ -55,6 +56,7 @@ def test_what_the_solver_leaves_is_added(solved):
     assert lacks > 0.01
 
 
+@pytest.mark.slow
 def test_the_best_periodic_signals_stay_below(generator, bound):
     """Found by linear programmes, each towards the last solution: 0.6 and more, close to the bound and never above."""
     harmonics, period = np.arange(1, 9), 1.6

@@ -117,7 +117,7 @@ def test_an_interrupted_run_is_resumed_by_the_same_command(experiment, tmp_path,
 @pytest.mark.parametrize(
     ("option", "points", "trials", "words"),
     [
-        ("--quasi-random", "quasi-random", 128, ""),
+        pytest.param("--quasi-random", "quasi-random", 128, "", marks=pytest.mark.slow),
         ("--collapsed", "random", 20, "--collapsed is the default now: leave it out\n"),
     ],
 )

@@ -26,7 +26,8 @@ def agree_in_mean(experiment, name, expected):
     np.testing.assert_allclose(got, expected.mean_error, rtol=0, atol=4e-5 + 0.02 * np.abs(expected.mean_error).max())
 
 
-@pytest.mark.parametrize("name", [pytest.param("T1", marks=pytest.mark.slow), "T2"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["T1", "T2"])
 def test_the_promise_is_the_laws(preset, name):
     expected = law(preset, name, "smoothed")[name, "smoothed"].groups["total"]
     np.testing.assert_allclose(promised(preset, name, 20.0), 3 * np.sqrt(np.diag(expected.covariance)), rtol=0.01)

@@ -243,7 +243,8 @@ def test_no_two_draws_are_alike(brief):
     np.testing.assert_allclose(np.std(draws), 1, atol=5 / np.sqrt(2 * 60_000))
 
 
-@pytest.mark.parametrize("engine", [pytest.param("sums", marks=pytest.mark.slow), "samples"])
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["sums", "samples"])
 def test_an_added_source_changes_no_draw(brief, engine):
     many, both = estimates(brief, 3, engine=engine)
     few, fewer = estimates(only(brief, "M_bias", "omega_precision"), 3, engine=engine)

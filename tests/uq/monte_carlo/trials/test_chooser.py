@@ -199,6 +199,7 @@ def test_a_result_says_how_its_cases_were_computed(three_ways, campaign):
     assert f"T, total by samples: {reason}" in campaign.section().computed[0]
 
 
+@pytest.mark.slow
 def test_cases_by_samples_are_those_of_a_campaign_by_samples(three_ways, split):
     """Beside cases on sums, which draw the gyro's noise otherwise, but constants alike."""
     plain = montecarlo(three_ways, trials=5, plan=BY_SAMPLES, seed=3).errors["T"]
@@ -229,6 +230,7 @@ def test_a_delay_is_a_polynomial_where_that_is_good_enough(sigma):
         assert computed == {"in_sums": {"late": "a polynomial in the delay"}}
 
 
+@pytest.mark.slow
 def test_nothing_to_do_by_sums():
     """Every case needs samples, or none is drawn at all."""
     limit = source("limit", "F", "saturation", limit=["100 N"] * 3)

@@ -33,7 +33,9 @@ def content(result) -> str:
     return json.dumps({key: value for key, value in result.to_dict().items() if key != "provenance"}, sort_keys=True)
 
 
-@pytest.mark.parametrize("method", ["source", "gls", "joint"])
+@pytest.mark.parametrize(
+    "method", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("source", "joint")), "gls"]
+)
 def test_the_numbers_are_the_same_whatever_the_number_of_processes(runs, short, method, monkeypatch):
     steps = []
     one = identify_files(runs, declare(short), method=method, processes=1, progress=lambda *step: steps.append(step))

@@ -137,6 +137,7 @@ def test_the_search_sees_what_a_motion_promises_and_uses(design):
     assert 0.9 * largest < float(limits.max()) + 1 < largest + SPARE["clearance"]
 
 
+@pytest.mark.slow
 def test_the_best_end_of_the_searches_is_the_design(design, monkeypatch):
     """Of two starts that were not moved; the gradient is not compiled, and no further search follows."""
     search = JointSearch(design.limits, design.noise, duration=8.0, period=2.0, ramp=1.0)
