@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 HERE = Path(__file__).parents[1]
 METHODS = ("source", "gls", "joint")
 LENGTHS = (10, 30, 100, 300, 1000, 3600, 10_800)
-GNU_TIME = ["/usr/bin/time", "--format", "%U %M"]
+GNU_TIME = ["/usr/bin/time", "--format", "%U %e %M"]
 COMMAND = "from uq.cli.main import main; raise SystemExit(main())"
 SIMPLE = """
 import sys
@@ -57,17 +57,17 @@ def lasting(folder: Path, seconds: float, rate: int) -> Path:
     return path
 
 
-def measured(*command: str) -> tuple[float, float]:
-    """Run a command of Python; return its processor time [s] and its peak memory [GiB]."""
+def measured(*command: str) -> tuple[float, float, float]:
+    """Run a command of Python; return its processor time [s], its wall time [s] and its peak memory [GiB]."""
     done = subprocess.run([*GNU_TIME, sys.executable, "-c", *command], capture_output=True, text=True, check=True)
-    user, kibibytes = done.stderr.split()[-2:]
-    return float(user), float(kibibytes) / 2**20
+    user, wall, kibibytes = map(float, done.stderr.split()[-3:])
+    return user, wall, kibibytes / 2**20
 
 
 def shown(name: str, *command: str) -> None:
-    """Run a command of Python and print its processor time and its peak memory."""
-    user, peak = measured(*command)
-    print(f"{name}: {user:.1f} s of user time, peak {peak:.2f} GiB", flush=True)
+    """Run a command of Python and print its times and its peak memory."""
+    user, wall, peak = measured(*command)
+    print(f"{name}: {user:.1f} s of user time, {wall:.1f} s of wall, peak {peak:.2f} GiB", flush=True)
 
 
 def simulated(folder: Path, seconds: float, rate: int, count: int) -> tuple[str, list[str]]:
@@ -89,7 +89,7 @@ def against_length(folder: Path, figure: str) -> None:
         rows.append([measured(COMMAND, "identify", *runs, "--experiment", experiment, "--method", method)
                      for method in METHODS])  # fmt: skip
         cells = "; ".join(
-            f"{name} {user:.1f} s, {peak:.2f} GiB" for name, (user, peak) in zip(METHODS, rows[-1], strict=True)
+            f"{name} {user:.1f} s, {peak:.2f} GiB" for name, (user, _, peak) in zip(METHODS, rows[-1], strict=True)
         )
         print(f"{seconds:g} s: {cells}", flush=True)
     axes = Figure(figsize=(5, 3.5), layout="constrained").add_subplot(
