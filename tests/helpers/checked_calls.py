@@ -1,5 +1,6 @@
-"""Annotated shapes and types, checked once for each kind of call: types, shapes and dtypes of what goes in and comes out.
+"""Annotated shapes, checked once for each kind of call: types, shapes and dtypes of what goes in and comes out.
 
+Functions without the shape of an array in their annotations are mypy's to check.
 jaxtyping and beartype judge a call by nothing else, but for longer than most functions take; a test repeats a few kinds
 of calls thousands of times. To tell their kinds takes longer than many of them, too, so that of each function a test
 looks at its first calls. What checks a function is made at its first call, since a test calls few of them.
@@ -8,6 +9,7 @@ looks at its first calls. What checks a function is made at its first call, sinc
 import functools
 import inspect
 import threading
+import typing
 
 import beartype
 import jax
@@ -61,6 +63,14 @@ def kind(value):
     if describe is None:
         describe = _HOW[type(value)] = _how(value)
     return describe(value)
+
+
+def shaped(annotation):
+    """Return whether an annotation states an array's shape, which mypy does not see."""
+    if isinstance(annotation, str):  # of a name that is defined later
+        return any(f"{name}[" in annotation for name in dir(jaxtyping))
+    array = isinstance(annotation, type) and issubclass(annotation, jaxtyping.AbstractArray)
+    return array or any(map(shaped, typing.get_args(annotation)))
 
 
 class Checks:
@@ -124,6 +134,8 @@ def checked_calls(target=None, *, typechecker):
         REAL(target, typechecker=typechecker)
         if target.__init__ is not plain:
             target.__init__ = again(plain)
+        return target
+    if not any(map(shaped, inspect.get_annotations(target).values())):
         return target
     checks = Checks(target, typechecker)
 
