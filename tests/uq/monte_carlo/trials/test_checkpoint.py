@@ -223,7 +223,6 @@ def test_two_campaigns_do_not_share_a_checkpoint(experiment, tmp_path):
     first.close()
 
 
-@pytest.mark.slow
 def test_an_adaptive_campaign_goes_on_to_the_same_bits(tmp_path):
     content = brief()
     content["source"] = [source for source in content["source"] if source["target"] == "M"]

@@ -199,7 +199,6 @@ def test_a_result_says_how_its_cases_were_computed(three_ways, campaign):
     assert f"T, total by samples: {reason}" in campaign.section().computed[0]
 
 
-@pytest.mark.slow
 def test_cases_by_samples_are_those_of_a_campaign_by_samples(three_ways, split):
     """Beside cases on sums, which draw the gyro's noise otherwise, but constants alike."""
     plain = montecarlo(three_ways, trials=5, plan=BY_SAMPLES, seed=3).errors["T"]
