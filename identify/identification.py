@@ -57,7 +57,7 @@ def identify(
     errors: Mapping[str, ConstantError] | None = None,
     drawn_by_mounting: Collection[str] = (),
     validate: bool = False,
-    each: RunMap = map,
+    map_runs: RunMap = map,
 ) -> Identification:
     """Identify the inertia tensor about the centre of gravity from one or more runs of one body (10).
 
@@ -85,7 +85,7 @@ def identify(
         drawn_by_mounting: unknowns of :data:`identify.estimation.joint.joint_model.SIZES` that are others in each
             mounting, as ``r_cg`` may be, where the runs name two or more (``joint``).
         validate: whether each run, or each half of a single one, is also predicted by the others (``validation``).
-        each: does what is done run by run, as the builtin ``map``; functions and runs can be pickled.
+        map_runs: does what is done run by run, as the builtin ``map``; functions and runs can be pickled.
 
     Raises:
         RunError: no run, a run too short for the estimator, a motion that identifies nothing, or a covariance that is
@@ -105,7 +105,7 @@ def identify(
     problem = Problem(
         *_checked(runs, r_cg, sigma_r_cg), estimator=estimator, offsets=offsets, mass=mass,
         mass_uncertainty=mass_uncertainty, centre=centre, alignment=alignment, cg_motion=cg_motion, gravity=gravity,
-        errors=errors or {}, drawn_by_mounting=frozenset(drawn_by_mounting), each=each,
+        errors=errors or {}, drawn_by_mounting=frozenset(drawn_by_mounting), map_runs=map_runs,
     )  # fmt: skip
     if len({run.mounting for run in problem.runs}) < 2:
         problem = replace(problem, drawn_by_mounting=frozenset())

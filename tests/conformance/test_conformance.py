@@ -52,8 +52,8 @@ def by_cost(rows):
     seen, of_finding = set(), Counter()
     for row in rows:
         recording, convention = (row["source"], row["container"]), row["convention"]
-        alike = convention in seen or of_finding[row["finding"]] >= 3
-        fast = recording not in seen or not alike
+        covered = convention in seen or of_finding[row["finding"]] >= 3
+        fast = recording not in seen or not covered
         yield pytest.param(row, id=name_of(row), marks=[] if fast else [pytest.mark.slow])
         seen |= {recording, convention}
         of_finding[row["finding"]] += fast

@@ -51,12 +51,12 @@ class Problem:
     """Declared constant errors by the name of their source, for an estimator that takes them along."""
     drawn_by_mounting: frozenset[str] = frozenset()
     """Unknowns of the joint model that are others in each mounting, as far as the runs name theirs."""
-    each: RunMap = map
+    map_runs: RunMap = map
     """Function that does what is done run by run."""
 
     def by_run(self, function: Callable[[Run], R]) -> list[R]:
         """Return what a function, which can be pickled, makes of each run."""
-        return list(self.each(function, self.runs))
+        return list(self.map_runs(function, self.runs))
 
     @property
     def without_mountings(self) -> "Problem":

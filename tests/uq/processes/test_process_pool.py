@@ -37,7 +37,6 @@ def test_this_process_may_help():
             pool.map(int, ["a", "b", "c"])
 
 
-@pytest.mark.skipif(os.name == "nt", reason="no signals")
 def test_a_process_that_dies_is_no_value(pool):
     with pytest.raises(MemoryError, match="ended with status 3"):
         pool.map(os._exit, [3, 3])
@@ -56,10 +55,10 @@ def test_all_processes_end_with_the_context():
 
 
 def test_few_runs_start_no_process():
-    with run_map(15, 8, lambda *_: None) as each:
-        assert each is map
-    with run_map(60, 1, lambda *_: None) as each:
-        assert each is map
+    with run_map(15, 8, lambda *_: None) as map_runs:
+        assert map_runs is map
+    with run_map(60, 1, lambda *_: None) as map_runs:
+        assert map_runs is map
 
 
 def test_a_process_ends_with_the_command_that_started_it():

@@ -112,7 +112,7 @@ class Equations(NamedTuple):
 
 def times(first: Float[ArrayT, "i k *#trials"], second: Float[ArrayT, "k j *#trials"]) -> Float[ArrayT, "i j *#trials"]:
     """Return the product of two matrices trial by trial, as a sum of outer products: each is one long loop."""
-    # as one sum over an axis it compiles faster, but many-errors.toml then takes 2.7 times as long
+    # as one sum over an axis it compiles faster, but many-errors.toml takes 2.7 times as long (benchmarks.answers)
     total = first[:, 0, None] * second[None, 0]
     for k in range(1, first.shape[1]):
         total = total + first[:, k, None] * second[None, k]

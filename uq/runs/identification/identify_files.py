@@ -99,19 +99,19 @@ def identify_files(
             :func:`uq.runs.identification.systematic_errors.with_declared_sources`.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
-    with run_map(len(paths), processes, progress_of(progress, "runs")) as each:
+    with run_map(len(paths), processes, progress_of(progress, "runs")) as map_runs:
         return _identified(
-            paths, experiment, each, estimator=estimator, offsets=offsets, windows=windows, mountings=mountings,
+            paths, experiment, map_runs, estimator=estimator, offsets=offsets, windows=windows, mountings=mountings,
             centre=centre, method=method, validate=validate,
         )  # fmt: skip
 
 
 def _identified(
-    paths: Sequence[str | Path], experiment: Experiment, each: RunMap, *, estimator: str | None,
+    paths: Sequence[str | Path], experiment: Experiment, map_runs: RunMap, *, estimator: str | None,
     offsets: OffsetChoice | None, windows: Sequence[TimeWindow] | None, mountings: Sequence[str] | None,
     centre: str | Path | Centre | None, method: str | None, validate: bool,
 ) -> Identification:  # fmt: skip
-    """Identify the tensor, with what is done run by run done by ``each``; see :func:`identify_files`."""
+    """Identify the tensor, with what is done run by run done by ``map_runs``; see :func:`identify_files`."""
     if len({Path(path).resolve() for path in paths}) < len(paths):
         raise RunError("a run is given twice: name each file once")
     check_count(mountings, len(paths))
@@ -125,16 +125,16 @@ def _identified(
     experiment.stated_r_cg  # noqa: B018 - says at once where there is none
     spec = experiment.estimator(estimator) if experiment.estimators or estimator else None
     prepare = partial(prepared_run, experiment=experiment, spec=spec, windows=windows, compact=len(paths) > 1)
-    prepared = list(each(prepare, paths))
+    prepared = list(map_runs(prepare, paths))
     runs = labelled([run for run, _ in prepared], mountings)
     inputs = [{"file": str(path), "sha256": run.sha256, **run.about} for path, run in zip(paths, runs, strict=True)]
     check_instruments(experiment.calibrations, inputs)
 
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
-        return _estimated(runs, experiment, spec, prior, method, validate=validate, each=each)
+        return _estimated(runs, experiment, spec, prior, method, validate=validate, map_runs=map_runs)
 
     def suspicions(aligned: bool) -> list[str]:
-        judged = each(partial(convention_warnings, experiment=experiment, turn_free=aligned, zero=prior), runs)
+        judged = map_runs(partial(convention_warnings, experiment=experiment, turn_free=aligned, zero=prior), runs)
         return [text for texts in judged for text in texts]
 
     try:
@@ -229,7 +229,7 @@ def _estimated(
     method: str | None,
     *,
     validate: bool,
-    each: RunMap,
+    map_runs: RunMap,
 ) -> Identification:
     """The tensor of some runs, with what is declared of them."""
     duration = float(np.mean([run.t[-1] - run.t[0] for run in runs]))
@@ -250,7 +250,7 @@ def _estimated(
         errors=estimated_errors(experiment, duration, redrawn),
         drawn_by_mounting=drawn_unknowns(experiment),
         validate=validate,
-        each=each,
+        map_runs=map_runs,
     )
     result = with_declared_sources(result, runs, experiment, redrawn=experiment.recording.drawn_by_mounting)
     check_covariances(result)

@@ -49,7 +49,7 @@ class Quantisation(ErrorKind):
 
     def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
         """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
-        if signal.alike:
+        if signal.same_kind_count:
             return "is one of several resolutions of a signal"
         coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > signal.noise)
         return "is coarse against the noise beside it" if coarse else None
