@@ -68,7 +68,7 @@ class PossibleCause(NamedTuple):
     acting: Bool[np.ndarray, " numbers"]
     """Mask of the error's numbers that are coefficients: those that do anything."""
     lines: list[np.ndarray]
-    """Lines of the cause in each run, for coefficients in typical sizes, (m, rows, p); zeros where a run has none."""
+    """Lines of the cause in each run that has it, for coefficients in typical sizes, (m, rows, p)."""
 
     def judged(self, base: NullModel, *, white: bool = False, below: float = np.inf) -> Evidence | None:
         """Return what the residuals say of it.
@@ -82,12 +82,22 @@ class PossibleCause(NamedTuple):
         if self.run is None:
             return evidence(base, self.error, self.size, self.lines, white=white, below=below)
         run_base, below = base.single_runs[self.run], below / len(base.runs)
-        verdict = evidence(run_base, self.error, self.size, [self.lines[self.run]], white=white, below=below)
-        return None if verdict is None else verdict._replace(lines=self.lines)
+        verdict = evidence(run_base, self.error, self.size, self.lines, white=white, below=below)
+        return None if verdict is None else verdict._replace(lines=self.in_every_run(base))
+
+    def in_every_run(self, base: NullModel) -> list[np.ndarray]:
+        """Return its lines in each run, zeros where a run has none."""
+        if self.run is None:
+            return self.lines
+        (own,) = self.lines
+        return [
+            own if k == self.run else np.zeros((*run.departure.shape, own.shape[2])) for k, run in enumerate(base.runs)
+        ]
 
     def weighted(self, noise: Sequence[np.ndarray]) -> "PossibleCause":
         """Return it with each line in units of its noise, whose standard deviation is given."""
-        return self._replace(lines=[part / deviation for part, deviation in zip(self.lines, noise, strict=True)])
+        having = noise if self.run is None else [noise[self.run]]
+        return self._replace(lines=[part / deviation for part, deviation in zip(self.lines, having, strict=True)])
 
     def agrees(self, base: NullModel, verdict: Evidence) -> bool:
         """Return whether the runs agree on its value."""
@@ -130,13 +140,7 @@ def _candidate(error: ErrorModel, run: int | None, parts: Sequence[UnitLines]) -
     having = parts if run is None else [parts[run]]
     size = np.mean([part.size for part in having], axis=0)
     acting = np.any([part.acting for part in having], axis=0) & (size > 0)
-    # other runs' zeros take no memory: there are as many causes of single runs as runs
-    lines = [
-        part.lines[:, :, acting] * size[acting]
-        if run in (None, k) else np.broadcast_to(0.0, (*part.lines.shape[:2], int(acting.sum())))
-        for k, part in enumerate(parts)
-    ]  # fmt: skip
-    return PossibleCause(error, run, size[acting], acting, lines)
+    return PossibleCause(error, run, size[acting], acting, [part.lines[:, :, acting] * size[acting] for part in having])
 
 
 class FollowedCause(NamedTuple):

@@ -22,6 +22,9 @@ STEPS_OF_NOISE = 0.5
 rounding error at a given value of the signal is then at most ``exp(-2π² σ²/q²)/π`` = 0.0023 steps q, and its
 correlation with the noise below 0.015: Widrow & Kollár, Quantization Noise, 2008, chapter 4 and appendix G."""
 
+SEVERAL = "is one of several resolutions of a signal"
+"""Reason for which two steps are beyond sums and law: the coarser one acts, not the sum of both variances."""
+
 
 class Quantisation(ErrorKind):
     """Rounds a signal to the nearest multiple of ``step``; nothing is drawn."""
@@ -50,15 +53,17 @@ class Quantisation(ErrorKind):
     def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
         """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
         if signal.same_kind_count:
-            return "is one of several resolutions of a signal"
+            return SEVERAL
         coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > signal.noise)
         return "is coarse against the noise beside it" if coarse else None
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
-        """Return that an axis neither has noise enough nor moves enough for its rounding to be white noise.
+        """Return why a rounding is no white noise: another step acts, too, or an axis has little noise and motion.
 
         Where nothing random acts on the signal, the rounding needs neither: it is the same in every trial.
         """
+        if signal.same_kind_count:
+            return SEVERAL
         step = np.asarray(source.settings["step"])
         bare = (STEPS_OF_NOISE * step > signal.noise).any(axis=0)
         slow, still = bare & (step * ENOUGH_STEPS > signal.moves), bare & (signal.rests > LONGEST_REST)

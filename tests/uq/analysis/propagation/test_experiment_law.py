@@ -272,6 +272,16 @@ def test_what_the_law_cannot_take_is_refused(declared, message):
         law(experiment(declared, source("M_offset", "M", "bias", sigma=["0.01 N*m"] * 3)))
 
 
+def test_two_resolutions_of_one_signal_are_refused():
+    """The coarser one acts: the sum of both variances would be too much by a quarter."""
+    steps = [source(name, "M", "quantisation", step=[f"{step} N*m"] * 3) for name, step in (("a", 1e-3), ("b", 5e-4))]
+    noise = source("noise", "M", "precision", sigma=["0.1 N*m"] * 3)
+    law(experiment(noise, steps[0]))
+    with pytest.raises(BeyondLawError) as refused:
+        law(experiment(noise, *steps))
+    assert refused.value.reasons == dict.fromkeys("ab", "is one of several resolutions of a signal")
+
+
 def test_all_that_the_law_cannot_take_is_listed_at_once():
     """Of 24 sources of many kinds these two, with the options that leave them out; noise spreads F over the steps."""
     with pytest.raises(BeyondLawError) as refused:
