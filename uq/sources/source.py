@@ -165,8 +165,8 @@ class SignalRange(NamedTuple):
     noise: Float[np.ndarray, "cases 3"]
     """Standard deviation of the independent, normal, white noise beside the source: in the case that is asked of, or in
     each that has a random error of the signal."""
-    same_kind_count: int
-    """Number of other sources of this kind on the signal."""
+    same_kind: tuple["Source", ...]
+    """Other sources of this kind on the signal."""
     moves: Float[np.ndarray, "3"] = np.zeros(3)
     """Root mean square of the signal's change from one sample to the next, which counts in the law alone."""
     rests: Float[np.ndarray, "3"] = np.ones(3)

@@ -108,9 +108,10 @@ def _reason(source: Source, sources: Sequence[Source], mixing: Sequence[Mixing],
     signal = SignalRange(
         largest=peaks.largest[source.target], moves=peaks.moves[source.target], rests=peaks.rests[source.target],
         variance=signal_variance(sources, source.signal), noise=_noise_beside(source, sources, peaks.rate),
-        same_kind_count=sum(
-            other.error_kind is source.error_kind and other.signal == source.signal for other in sources
-        ) - 1,
+        same_kind=tuple(
+            other for other in sources
+            if other.name != source.name and other.error_kind is source.error_kind and other.signal == source.signal
+        ),
     )  # fmt: skip
     return source.error_kind.beyond_the_law(source, signal)
 

@@ -202,7 +202,7 @@ def _source_beyond_sums(source: Source, acting: Sequence[Source], mixing: Sequen
     signal = SignalRange(
         largest=np.abs(run.measured(source.signal)).max(axis=1), variance=signal_variance(others, source.signal),
         noise=np.sqrt(normal_noise_variance((s for s in others if s.name not in mixed), run.rate))[None],
-        same_kind_count=sum(other.error_kind is source.error_kind for other in others),
+        same_kind=tuple(other for other in others if other.error_kind is source.error_kind),
     )  # fmt: skip
     return source.error_kind.beyond_sums(source, signal)
 

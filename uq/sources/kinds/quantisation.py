@@ -22,9 +22,6 @@ STEPS_OF_NOISE = 0.5
 rounding error at a given value of the signal is then at most ``exp(-2π² σ²/q²)/π`` = 0.0023 steps q, and its
 correlation with the noise below 0.015: Widrow & Kollár, Quantization Noise, 2008, chapter 4 and appendix G."""
 
-SEVERAL = "is one of several resolutions of a signal"
-"""Reason for which two steps are beyond sums and law: the coarser one acts, not the sum of both variances."""
-
 
 class Quantisation(ErrorKind):
     """Rounds a signal to the nearest multiple of ``step``; nothing is drawn."""
@@ -52,19 +49,19 @@ class Quantisation(ErrorKind):
 
     def beyond_sums(self, source: Source, signal: SignalRange) -> str | None:
         """Return that rounding does not act as noise: the signal's own is not large enough (Widrow & Kollár)."""
-        if signal.same_kind_count:
-            return SEVERAL
+        if signal.same_kind:
+            return "is one of several resolutions of a signal"
         coarse = np.any(STEPS_OF_NOISE * np.asarray(source.settings["step"]) > signal.noise)
         return "is coarse against the noise beside it" if coarse else None
 
     def beyond_the_law(self, source: Source, signal: SignalRange) -> str | None:
-        """Return why a rounding is no white noise: another step acts, too, or an axis has little noise and motion.
+        """Return why a rounding is not the white noise of its step: a coarser one acts, or little noise and motion.
 
         Where nothing random acts on the signal, the rounding needs neither: it is the same in every trial.
         """
-        if signal.same_kind_count:
-            return SEVERAL
         step = np.asarray(source.settings["step"])
+        if any(_acts(other, source) for other in signal.same_kind):
+            return "is finer than another resolution of its signal"
         bare = (STEPS_OF_NOISE * step > signal.noise).any(axis=0)
         slow, still = bare & (step * ENOUGH_STEPS > signal.moves), bare & (signal.rests > LONGEST_REST)
         if not (slow | still).any():
@@ -73,6 +70,12 @@ class Quantisation(ErrorKind):
         rest = f"rests in {100 * signal.rests[axis]:.0f} % of the run"
         how = rest if still[axis] else f"moves by {signal.moves[axis]:.2g} a sample"
         return f"rounds axis {axis + 1} to {step[axis]:g}, which {how} with noise below half a step"
+
+
+def _acts(other: Source, source: Source) -> bool:
+    """Whether another step acts in place of a source's, on some axis: the coarser one, of equal ones the first."""
+    coarse, fine = (np.asarray(resolution.settings["step"]) for resolution in (other, source))
+    return bool(np.any(coarse > fine) or (np.array_equal(coarse, fine) and other.name < source.name))
 
 
 def quantised(signal: Float[Array, "3 n"], step: Float[Array, "3 1"]) -> Float[Array, "3 n"]:

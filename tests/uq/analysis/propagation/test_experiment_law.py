@@ -272,14 +272,16 @@ def test_what_the_law_cannot_take_is_refused(declared, message):
         law(experiment(declared, source("M_offset", "M", "bias", sigma=["0.01 N*m"] * 3)))
 
 
-def test_two_resolutions_of_one_signal_are_refused():
-    """The coarser one acts: the sum of both variances would be too much by a quarter."""
-    steps = [source(name, "M", "quantisation", step=[f"{step} N*m"] * 3) for name, step in (("a", 1e-3), ("b", 5e-4))]
+@pytest.mark.parametrize(("steps", "finer"), [((1e-3, 5e-4), ["b"]), ((1e-3, 1e-3), ["b"]), ((5e-4, 1e-3), ["a"])])
+def test_the_finer_resolution_of_a_signal_is_refused(steps, finer):
+    """The coarser one acts, not the sum of both variances, and alone is the law's; of equal ones the first."""
+    declared = [
+        source(name, "M", "quantisation", step=[f"{step} N*m"] * 3) for name, step in zip("ab", steps, strict=True)
+    ]
     noise = source("noise", "M", "precision", sigma=["0.1 N*m"] * 3)
-    law(experiment(noise, steps[0]))
     with pytest.raises(BeyondLawError) as refused:
-        law(experiment(noise, *steps))
-    assert refused.value.reasons == dict.fromkeys("ab", "is one of several resolutions of a signal")
+        law(experiment(noise, *declared))
+    assert refused.value.reasons == dict.fromkeys(finer, "is finer than another resolution of its signal")
 
 
 def test_all_that_the_law_cannot_take_is_listed_at_once():
