@@ -47,7 +47,7 @@ def main() -> None:
         return
     experiment, rows = Experiment.load("barreto2016"), []
     for engine, dtype in (("samples", "float32"), ("sums", "float64")):
-        prepared = engines(experiment, engine, dtype)  # type: ignore[arg-type]
+        prepared = engines(experiment, engine, dtype)
         for batch in BATCHES[engine]:
             trials_of(prepared, options.trials, [device], batch)  # compile, and the same shapes
             start = time.perf_counter()

@@ -65,8 +65,8 @@ def code_lines(path: Path) -> int:
         docstring = (
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         )
-        if docstring or isinstance(node, ast.Import | ast.ImportFrom):
-            code -= set(range(node.lineno, node.end_lineno + 1))
+        if isinstance(node, ast.stmt) and (docstring or isinstance(node, ast.Import | ast.ImportFrom)):
+            code -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return len(code)
 
 

@@ -92,13 +92,12 @@ def against_length(folder: Path, figure: str) -> None:
             f"{name} {user:.1f} s, {peak:.2f} GiB" for name, (user, _, peak) in zip(METHODS, rows[-1], strict=True)
         )
         print(f"{seconds:g} s: {cells}", flush=True)
-    axes = Figure(figsize=(5, 3.5), layout="constrained").add_subplot(
-        xlabel="length of the run [s]", ylabel="user time [s]", xscale="log", yscale="log"
-    )
+    drawing = Figure(figsize=(5, 3.5), layout="constrained")
+    axes = drawing.add_subplot(xlabel="length of the run [s]", ylabel="user time [s]", xscale="log", yscale="log")
     for k, name in enumerate(METHODS):
         axes.plot(LENGTHS, [row[k][0] for row in rows], "o-", label=name)
     axes.legend()
-    axes.figure.savefig(figure)
+    drawing.savefig(figure)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ with atheris.instrument_imports(include=["rig"]):
 COLUMNS = ["time us", "omega_x deg/s", "omega_y deg/s", "omega_z deg/s"]
 
 
-def parser(kind: str):  # type: ignore[no-untyped-def]
+def parser(kind: str):
     """A fresh parser of this kind."""
     return create_device(kind, **({"columns": COLUMNS, "separator": ","} if kind == "line" else {})).parser()
 

@@ -99,6 +99,7 @@ def record(folder: Path, seconds: float, *more: str) -> dict:
     command += ["--json", *more]
     start = time.monotonic()
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stderr is not None
     while b"ready" not in process.stderr.readline():
         pass
     ready = time.monotonic() - start

@@ -44,7 +44,7 @@ def garbage(megabytes: float) -> None:
         )
 
 
-def undetected(frame: bytes, parser_of, count: int) -> int:  # type: ignore[no-untyped-def]
+def undetected(frame: bytes, parser_of, count: int) -> int:
     """How many of ``count`` random double flips in one frame still make a frame of the same length."""
     draw, found = np.random.default_rng(12), 0
     for _ in range(count):
@@ -59,7 +59,7 @@ def undetected(frame: bytes, parser_of, count: int) -> int:  # type: ignore[no-u
     return found
 
 
-def exact_share(frame: bytes, seen) -> float:  # type: ignore[no-untyped-def]
+def exact_share(frame: bytes, seen) -> float:
     """The share of all pairs of bits whose flip the bare sum does not see: theory, by counting every pair."""
     bits = range(8 * len(frame))
     total = missed = 0

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from identify.display.rounding import significant
-from identify.results.ledger import Undeclared
+from identify.results.ledger import Ledger
 from identify.rigid_body.inertia import COMPONENTS, GRAM_METRE
 from uq.experiment.experiment import Experiment
 from uq.files.mistakes import MISTAKES
@@ -69,9 +69,7 @@ def row_of_poses() -> str:
     return row("weigh, `inertia centre`", [f"CG on b{k}, mm" for k in (1, 2, 3)], 1e3, half, 1, result.undeclared)
 
 
-def row(
-    label: str, names: Sequence[str], unit: float, half: np.ndarray, first: int, undeclared: Undeclared | None
-) -> str:
+def row(label: str, names: Sequence[str], unit: float, half: np.ndarray, first: int, undeclared: Ledger | None) -> str:
     """Return the line of one result, of the parameters whose bound is widest for its interval, and widest.
 
     Args:
@@ -82,7 +80,7 @@ def row(
         first: number of the first of these parameters.
         undeclared: the errors that the bound adds.
     """
-    added = undeclared or Undeclared()
+    added = undeclared or Ledger()
     looked_at = slice(first, first + len(names))
     wide = added.half_width(half)
     cells = [label]
@@ -92,17 +90,17 @@ def row(
     return f"| {' | '.join([*cells, declare(half, looked_at, added)])} |"
 
 
-def declare(half: np.ndarray, looked_at: slice, undeclared: Undeclared) -> str:
+def declare(half: np.ndarray, looked_at: slice, undeclared: Ledger) -> str:
     """Return the errors to declare, the largest first, until the bound is at most a tenth wider."""
     effects, names = list(undeclared.rows), list[str]()
     while effects:
-        ratio = Undeclared(tuple(effects)).half_width(half)[looked_at] / half[looked_at]
+        ratio = Ledger(tuple(effects)).half_width(half)[looked_at] / half[looked_at]
         parameter = int(np.argmax(ratio))
         if ratio[parameter] <= 1 + ENOUGH:
             break
         largest = max(effects, key=lambda effect: effect.parameters[looked_at][parameter])
         effects.remove(largest)
-        names.append(f"`{largest.name}`")
+        names.append(f"`{largest.error}`")
     return ", ".join(names) or "nothing"
 
 
