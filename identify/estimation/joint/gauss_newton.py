@@ -41,6 +41,8 @@ class RunSolution(NamedTuple):
     """Information of the samples on z."""
     weights: Float[np.ndarray, "free free"]
     """Weights of the equations ``Xᵀ r = 0`` of least squares beside priors: 1 where the noise is white."""
+    normal: Float[np.ndarray, "free free"]
+    """Normal matrix ``XᵀX`` of these equations."""
     prediction: PredictedWrench
     """The prediction with these unknowns."""
     steps: int
@@ -96,15 +98,16 @@ def solve(
         # Gauss–Newton: second derivatives of the prediction are left out, as residuals are noise
         at = linearised(model, prior, z, transform)
         columns, weight = at.columns.reshape(-1, len(z)), weights(at.columns)
-        information = weight @ (columns.T @ columns)
+        normal = columns.T @ columns
+        information = weight @ normal
         # maximum a posteriori in coordinates whose prior is standard normal: a ridge of 1 (Tikhonov), of 0 where
         # nothing is known
-        normal = information + np.diag(prior.counted)
-        change = np.linalg.solve(normal, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
+        with_prior = information + np.diag(prior.counted)
+        change = np.linalg.solve(with_prior, weight @ (columns.T @ at.residuals.ravel()) - prior.counted * z)
         # a step in units of the posterior's standard uncertainties: scale-free, and small when nothing is left to gain
-        converged = bool(change @ normal @ change < TOLERANCE**2 * len(z))
+        converged = bool(change @ with_prior @ change < TOLERANCE**2 * len(z))
         if converged or steps == MOST_STEPS or not np.isfinite(change).all():
-            return RunSolution(z, information, weight, at.prediction, steps, converged)
+            return RunSolution(z, information, weight, normal, at.prediction, steps, converged)
         z, steps = z + change, steps + 1
 
 

@@ -186,9 +186,13 @@ def _bias(runs: Sequence[JointRun], pooled: PooledJoint) -> np.ndarray:
     What is predicted is ``A(theta) alpha``. Noise n of alpha adds ``-A n`` to the residuals and ``dA/dtheta n`` to
     their derivatives, so that their product has an expectation: errors in variables.
     """
+    prior = runs[0].prior
     score = np.sum([_noise_score(run, theta) for run, theta in zip(runs, pooled.theta, strict=True)], axis=0)
-    # one step of Newton from the mean gradient, which without noise of alpha is zero
-    return -pooled.covariance / pooled.scatter**2 @ score
+    # one step of Newton from the mean gradient, which without noise of alpha is zero, by equations as in white noise:
+    # the weights, made for residuals, would mix into the tensor what narrow priors hold. Own unknowns of a run err
+    # alike in all, as if they were shared
+    normal = np.sum([run.fit.normal for run in runs], axis=0) + np.diag(prior.counted)
+    return np.asarray(-prior.root @ np.linalg.solve(normal, prior.root.T @ score))
 
 
 def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
@@ -200,9 +204,7 @@ def _noise_score(run: JointRun, theta: np.ndarray) -> np.ndarray:
     # Σ_a Var(α_a) (∂A/∂θ)_aᵀ W A_a: derivative and residual hold the same noise
     slope = np.stack([(_by_alpha(run.model, theta + step) - _by_alpha(run.model, theta - step)) / (2 * STEP)
                       for step in STEP * np.eye(len(theta))], axis=-1)  # fmt: skip
-    score = float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance)
-    root = run.prior.root
-    return np.asarray(np.linalg.pinv(root).T @ run.fit.weights @ root.T @ score)
+    return np.asarray(float(rows.used.sum()) * np.einsum("rat,rs,sa,a->t", slope, weight, matrix, variance))
 
 
 STEP = 1e-5

@@ -64,7 +64,7 @@ def test_what_no_unknown_body_shows_is_found(rig):
     assert (np.abs(scale.mean - RIG["gyro_scale"]) < 3 * scale.standard_uncertainty).all()
 
 
-@pytest.mark.parametrize("method", ["source", pytest.param("joint", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["source", "joint"])
 def test_another_body_is_corrected_and_covered(rig, other, method):
     """Without the calibration the gain is an error of 0.6 % that nothing tells, outside the first interval."""
     path, content, measured = other
@@ -79,6 +79,8 @@ def test_another_body_is_corrected_and_covered(rig, other, method):
     assert ((low <= measured.truth) & (measured.truth <= high)).all()
     assert not {"moment_gain", "gyro_scale"} & {row.error for row in corrected.undeclared.rows}
     assert rig[-1].group in corrected.ledger.budget
+    assert (np.abs(corrected.bias) < 0.1 * corrected.standard_uncertainty).all()
+    assert not [text for text in corrected.warnings if "gyro noise" in text]
 
 
 def test_correlated_rows_are_one_and_their_sum_is_sharp(rig, other):
