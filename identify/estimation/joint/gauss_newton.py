@@ -107,7 +107,10 @@ def solve(
         # a step in units of the posterior's standard uncertainties: scale-free, and small when nothing is left to gain
         converged = bool(change @ with_prior @ change < TOLERANCE**2 * len(z))
         if converged or steps == MOST_STEPS or not np.isfinite(change).all():
-            return RunSolution(z, information, weight, normal, at.prediction, steps, converged)
+            return RunSolution(
+                z=z, information=information, weights=weight, normal=normal, prediction=at.prediction, steps=steps,
+                converged=converged,
+            )  # fmt: skip
         z, steps = z + change, steps + 1
 
 
