@@ -190,8 +190,8 @@ def _bias(runs: Sequence[JointRun], pooled: PooledJoint) -> np.ndarray:
     score = np.sum([_noise_score(run, theta) for run, theta in zip(runs, pooled.theta, strict=True)], axis=0)
     # one step of Newton from the mean gradient, which without noise of alpha is zero, by equations as in white noise.
     # Weights belong to gradients of residuals: in directions that the motion hardly tells, as those of calibrated
-    # errors, they would enlarge this one many times. With coloured noise and declared gains this is 0.6 of a Monte
-    # Carlo's shift. Unknowns of single runs err alike in all, as if they were shared
+    # errors, they would enlarge this one many times. The price: with coloured noise and declared gains it is too small,
+    # by up to a half. Unknowns of single runs err alike in all, as if they were shared
     normal = np.sum([run.fit.normal for run in runs], axis=0) + np.diag(prior.counted)
     return np.asarray(-prior.root @ np.linalg.solve(normal, prior.root.T @ score))
 
