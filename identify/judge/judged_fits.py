@@ -97,15 +97,16 @@ def judged_ways(result: Identification, problem: Problem) -> JudgedWays:
 def fits_of(run: Run, ways: JudgedWays, excluded: Collection[str]) -> list[RunFit]:
     """Return the run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone.
 
-    With what the errors that are looked for make in it, but for those of the names that are excluded.
+    With what the errors that are looked for make in it, but for those of the names that are excluded; the last fit has
+    the sums of least squares.
     """
     rows = rows_in_band(run, ways)
     if rows is None:
         return []
     fits = [replace(fit, errors=unit_lines(fit, excluded)) for fit in _ways_of(run, rows, ways)]
-    if ways.beside is None:
-        return fits
-    return [replace(fit, beside=sums_beside(fit, offsets=ways.beside)) for fit in fits]
+    if ways.beside is not None:
+        fits[-1] = replace(fits[-1], beside=sums_beside(fits[-1], offsets=ways.beside))
+    return fits
 
 
 def _ways_of(run: Run, rows: InBand, ways: JudgedWays) -> list[RunFit]:

@@ -35,7 +35,14 @@ from identify.judge.conventions.findings.frame import WrenchAtRest, WrenchTurns,
 from identify.judge.conventions.findings.gravity import gravity_elsewhere, poses_upside_down
 from identify.judge.conventions.findings.mass import changed_mass
 from identify.judge.conventions.findings.weight import other_payload
-from identify.judge.conventions.posed_force import GravityFit, PosedForce, Rotations, at_instants, lever_columns
+from identify.judge.conventions.posed_force import (
+    GravityFit,
+    PosedForce,
+    PosedMotion,
+    Rotations,
+    at_instants,
+    lever_columns,
+)
 from identify.judge.conventions.removed_weight import LEAST_WEIGHT, MASS_OVER_SIGMA
 from identify.judge.findings import Finding
 
@@ -114,11 +121,11 @@ def run_gravity(
     if not attitude.accelerates and attitude.gravity is not None:
         specific = -np.einsum("nji,j->ni", attitude.to_rest[within], attitude.gravity)
     force = at_instants(time, wrench.time, wrench.force)
-    posed = PosedForce(
-        force=force, to_rest=attitude.to_rest[within], specific=specific,
-        levers=levers, time=time, smooth=partial(smoothed, step), independent=STEP / WINDOW,
+    motion = PosedMotion(
+        to_rest=attitude.to_rest[within], specific=specific, levers=levers, time=time, smooth=partial(smoothed, step),
+        independent=STEP / WINDOW,
     )  # fmt: skip
-    return _JudgedForce(posed, attitude, declared, topic, time).verdict()
+    return _JudgedForce(PosedForce(force, motion), attitude, declared, topic, time).verdict()
 
 
 class _JudgedForce:
@@ -175,11 +182,12 @@ class _JudgedForce:
         return ORDERS[1:] if self.attitude.source == "poses" and not self.attitude.turned_back else ()
 
     def _read_as(self, order: str) -> PosedForce:
-        to_rest, as_read = read_as(self.attitude.to_rest[: len(self.time)], order, self.declared), self.posed.to_rest
-        assert self.posed.specific is not None  # noqa: S101 - of a run it is known, or that of gravity
-        at_rest = np.einsum("nij,nj->ni", as_read, self.posed.specific)
+        motion = self.posed.motion
+        to_rest = read_as(self.attitude.to_rest[: len(self.time)], order, self.declared)
+        assert motion.specific is not None  # noqa: S101 - of a run it is known, or that of gravity
+        at_rest = np.einsum("nij,nj->ni", motion.to_rest, motion.specific)
         specific = np.einsum("nji,nj->ni", to_rest, at_rest)
-        return replace(self.posed, to_rest=to_rest, specific=specific, levers=None)
+        return replace(self.posed, motion=replace(motion, to_rest=to_rest, specific=specific, levers=None))
 
     def _other_frame(self) -> tuple[PosedForce, float]:
         """The force along the axes of the other kind, and the yaw between axes at rest."""

@@ -29,7 +29,7 @@ from identify.judge.conventions.findings.mass import mass_finding
 from identify.judge.conventions.findings.sign import SignReading
 from identify.judge.conventions.findings.unit import units_finding
 from identify.judge.conventions.gravity_findings import READINGS
-from identify.judge.conventions.posed_force import PosedForce, Rotations
+from identify.judge.conventions.posed_force import PosedForce, PosedMotion, Rotations
 from identify.judge.conventions.removed_weight import CERTAIN
 from identify.judge.conventions.wrench_findings import findings_at_rest
 from identify.judge.conventions.wrench_units import BodyByWrench, other_units
@@ -104,16 +104,18 @@ def _same(first: PosedForce, second: PosedForce) -> bool:
         return True
     if not np.allclose(first.force, second.force):
         return False
-    if first.specific is None or second.specific is None:
-        return first.specific is second.specific and bool(np.allclose(first.to_rest, second.to_rest, atol=1e-6))
-    return bool(np.allclose(first.specific, second.specific, atol=1e-6))
+    one, other = first.motion, second.motion
+    if one.specific is None or other.specific is None:
+        return one.specific is other.specific and bool(np.allclose(one.to_rest, other.to_rest, atol=1e-6))
+    return bool(np.allclose(one.specific, other.specific, atol=1e-6))
 
 
 def _posed(force: np.ndarray, reading: PoseReading) -> PosedForce:
     along = force if not reading.at_rest else np.einsum("nji,nj->ni", reading.to_rest, force)
     if reading.gravity is None:
-        return PosedForce(along, reading.to_rest)
-    return PosedForce(along, reading.to_rest, specific=-np.einsum("nji,j->ni", reading.to_rest, reading.gravity))
+        return PosedForce(along, PosedMotion(reading.to_rest))
+    specific = -np.einsum("nji,j->ni", reading.to_rest, reading.gravity)
+    return PosedForce(along, PosedMotion(reading.to_rest, specific))
 
 
 FEWEST = 6

@@ -5,7 +5,7 @@ With specific force f, attitude R from B to axes at rest, a lever's part L b and
     F = m f + Rᵀ p + L b + F0(t)
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -92,36 +92,62 @@ class MassStep(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PosedForce:
-    """Forces with attitudes, n samples, all in B and SI."""
+class PosedMotion:
+    """Attitudes, and the specific force along with them, n samples, all in B and SI: columns of the fits."""
 
-    force: Float[np.ndarray, "n 3"]
     to_rest: Rotations
     """Rotations R from B to axes at rest."""
     specific: Float[np.ndarray, "n 3"] | None = None
     """Specific force [m/s²]; None: not known, or of poses at rest, where R tells it."""
     levers: Float[np.ndarray, "n 3 k"] | None = None
-    """Specific force of a lever's unit vectors [1/s²], and further columns; None: at rest."""
+    """Specific force of a lever's unit vectors [1/s²]; None: at rest."""
     time: Float[np.ndarray, " n"] | None = None
     """Instants of a run, over which the zero may drift [s]; None: of poses, with a constant zero."""
     smooth: Smooth = unchanged
     independent: float = 1.0
     """Part of the smoothed samples that are independent."""
 
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """Smoothed columns of m, p, zero and lever, (k, 3, columns)."""
+        n = len(self.to_rest)
+        specific = np.zeros((n, 3)) if self.specific is None else self.specific
+        levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
+        zero = np.broadcast_to(np.eye(3), (n, 3, 3))
+        return self.smoothed(np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2))
+
+    @cached_property
+    def drift(self) -> np.ndarray:
+        """Smoothed columns of each zero's drift, (k, 3, columns)."""
+        shapes = np.zeros((len(self.to_rest), 0)) if self.time is None else drift_shapes(self.time)
+        return np.kron(self.smooth(shapes)[:, None], np.eye(3))
+
+    def smoothed(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns (n, 3, p) through the filter."""
+        return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
+
+
+@dataclass(frozen=True, eq=False)
+class PosedForce:
+    """Forces with attitudes, n samples, all in B and SI."""
+
+    force: Float[np.ndarray, "n 3"]
+    motion: PosedMotion
+
     def turned_back(self, yaw: float) -> "PosedForce":
         """The force as it would be in B, had it been recorded along axes at rest, turned by a yaw from R's."""
         return self._turned_back(np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]))
 
     def _turned_back(self, turn: np.ndarray) -> "PosedForce":
-        return replace(self, force=np.einsum("nji,nj->ni", self.to_rest, self.force @ turn.T))
+        return replace(self, force=np.einsum("nji,nj->ni", self.motion.to_rest, self.force @ turn.T))
 
     def turned_to_rest(self) -> "PosedForce":
         """The force along axes at rest, as it was recorded where it was turned back by mistake."""
-        return replace(self, force=np.einsum("nij,nj->ni", self.to_rest, self.force))
+        return replace(self, force=np.einsum("nij,nj->ni", self.motion.to_rest, self.force))
 
     @cached_property
     def _answer(self) -> np.ndarray:
-        return self.smooth(self.force)
+        return self.motion.smooth(self.force)
 
     @property
     def changes(self) -> float:
@@ -131,7 +157,7 @@ class PosedForce:
     @property
     def independent_values(self) -> float:
         """Number of independent components of force."""
-        return self.independent * self._answer.size
+        return self.motion.independent * self._answer.size
 
     def explained(self, fit: "GravityFit | MassStep") -> bool:
         """Whether a rigid body explains the force, so that something may be named."""
@@ -142,56 +168,47 @@ class PosedForce:
         variance = max(best.misfit, least**2 * self.changes)
         return (fit.misfit - best.misfit) * self.independent_values / variance
 
-    def fit(self, *, lift: bool = True, zero: bool = True, turned: bool = False) -> GravityFit:
+    def fit(
+        self, *, lift: bool = True, zero: bool = True, turned: bool = False, slopes: Sequence[np.ndarray] = ()
+    ) -> GravityFit:
         """Fit the force.
 
         Args:
             lift: whether p is free, otherwise zero.
             zero: whether the load cell's zero F0 is free, beside its drift.
             turned: whether the specific force may also be turned and stretched, by a free matrix instead of m.
+            slopes: further columns (n, 3), in the places :attr:`slopes_at` and behind.
         """
-        rows, answer = self._rows(lift, zero, turned), self._answer.reshape(-1)
+        rows, answer = self._rows(lift, zero, turned, slopes), self._answer.reshape(-1)
         values, _, rank, _ = np.linalg.lstsq(rows, answer, rcond=1e-9)
         misfit = float(np.mean((answer - rows @ values) ** 2))
         free = max(1 - rank / self.independent_values, 0.1)
         variance = max(misfit / free, LEAST_MISFIT**2 * self.changes)
-        covariance = variance / self.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
-        if self.specific is None:
+        covariance = variance / self.motion.independent * np.linalg.pinv(rows.T @ rows, rcond=1e-12, hermitian=True)
+        if self.motion.specific is None:
             covariance[0, 0] = np.inf
         return GravityFit(values, covariance, misfit)
 
-    @cached_property
-    def _columns(self) -> np.ndarray:
-        """Smoothed columns of m, p, zero and lever, (k, 3, columns)."""
-        n = len(self.force)
-        specific = np.zeros((n, 3)) if self.specific is None else self.specific
-        levers = np.zeros((n, 3, 0)) if self.levers is None else self.levers
-        zero = np.broadcast_to(np.eye(3), (n, 3, 3))
-        return self._smooth(np.concatenate([specific[:, :, None], self.to_rest.swapaxes(1, 2), zero, levers], axis=2))
+    @property
+    def slopes_at(self) -> int:
+        """Place of the first slope among the values of a fit."""
+        return ZERO.stop + (0 if self.motion.levers is None else self.motion.levers.shape[2])
 
-    @cached_property
-    def _drift(self) -> np.ndarray:
-        """Smoothed columns of each zero's drift, (k, 3, columns)."""
-        shapes = np.zeros((len(self.force), 0)) if self.time is None else drift_shapes(self.time)
-        return np.kron(self.smooth(shapes)[:, None], np.eye(3))
-
-    def _smooth(self, columns: np.ndarray) -> np.ndarray:
-        return self.smooth(columns.reshape(len(columns), -1)).reshape(-1, 3, columns.shape[2])
-
-    def _rows(self, lift: bool, zero: bool, turned: bool) -> np.ndarray:
+    def _rows(self, lift: bool, zero: bool, turned: bool, slopes: Sequence[np.ndarray] = ()) -> np.ndarray:
         """Rows of a fit, what is not free as zeros; ``turned``: with nine columns of a matrix on the specific force."""
-        columns = self._columns.copy()
+        columns = self.motion.columns.copy()
         columns[:, :, LIFT] *= lift
         columns[:, :, ZERO] *= zero
-        columns = np.concatenate([columns, self._drift], axis=2)
-        if turned and self.specific is not None:
-            matrix = np.einsum("ij,nk->nijk", np.eye(3), self.specific).reshape(-1, 3, 9)
-            columns = np.concatenate([columns, self._smooth(matrix)], axis=2)
-        return columns.reshape(-1, columns.shape[2])
+        parts = [columns, *(self.motion.smooth(slope)[:, :, None] for slope in slopes), self.motion.drift]
+        if turned and self.motion.specific is not None:
+            matrix = np.einsum("ij,nk->nijk", np.eye(3), self.motion.specific).reshape(-1, 3, 9)
+            parts.append(self.motion.smoothed(matrix))
+        rows = np.concatenate(parts, axis=2)
+        return rows.reshape(-1, rows.shape[2])
 
     def mass_step(self) -> MassStep:
         """Fit the force by the load cell's zero and a mass with its lever, both of which change once."""
-        rows, unit = np.delete(self._columns, np.r_[LIFT, ZERO], axis=2), np.eye(3)
+        rows, unit = np.delete(self.motion.columns, np.r_[LIFT, ZERO], axis=2), np.eye(3)
         count = rows.shape[2]
         answer, n = self._answer, len(rows)
         grams = np.einsum("nij,nik->njk", rows, rows)
@@ -216,21 +233,19 @@ class PosedForce:
         Args:
             apart: whether the accelerometer may lag behind the gyro.
         """
-        assert self.specific is not None and self.time is not None  # noqa: S101, PT018 - of a run they are known
-        posed, delays, time = self, np.zeros(2), self.time
-        levers = np.zeros((len(time), 3, 0)) if self.levers is None else self.levers
-        at = ZERO.stop + levers.shape[2]
+        motion, posed, delays = self.motion, self, np.zeros(2)
+        assert motion.specific is not None and motion.time is not None  # noqa: S101, PT018 - of a run they are known
+        time, specific = motion.time, motion.specific
         for _ in range(STEPS):
-            assert posed.specific is not None  # noqa: S101
-            slopes = [np.gradient(values, time, axis=0)[:, :, None] for values in (posed.force, posed.specific)]
-            fit = replace(posed, levers=np.concatenate([levers, *slopes[: 1 + apart]], axis=2)).fit(lift=False)
+            signals = [posed.force, specific][: 1 + apart]
+            fit = posed.fit(lift=False, slopes=[np.gradient(values, time, axis=0) for values in signals])
+            at = self.slopes_at
             by_both, by_accelerometer = fit.values[at], fit.values[at + 1] / fit.mass if apart else 0.0
             delays = np.clip(delays + [by_both, by_accelerometer], -LONGEST_LAG, LONGEST_LAG)
-            posed = replace(
-                self,
-                force=at_instants(time - delays[0], time, self.force),
-                specific=at_instants(time + delays[1], time, self.specific),
-            )
+            force = at_instants(time - delays[0], time, self.force)
+            if apart:
+                specific = at_instants(time + delays[1], time, motion.specific)
+            posed = PosedForce(force, replace(motion, specific=specific) if apart else motion)
         return posed, float(delays[1])
 
     def best_yaw(self) -> float:

@@ -44,7 +44,14 @@ from identify.judge.conventions.convention_fit import (
     WrenchSignal,
     smoothed,
 )
-from identify.judge.conventions.posed_force import LONGEST_LAG, ZERO, GravityFit, PosedForce, at_instants, lever_columns
+from identify.judge.conventions.posed_force import (
+    LONGEST_LAG,
+    GravityFit,
+    PosedForce,
+    PosedMotion,
+    at_instants,
+    lever_columns,
+)
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 
@@ -150,11 +157,11 @@ def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterato
     posed = _posed(wrench, imu)
     if posed is None:
         return
-    delayed = posed.in_time(apart=False)[0].fit(lift=False)
     filtered, time_constant, sigma = _with_filter(posed, imu.time)
-    if not posed.explained(filtered) or posed.excess(delayed, filtered, least=LEAST_MISFIT) <= DECISIVE:
+    if time_constant <= CERTAIN * sigma or not posed.explained(filtered):
         return
-    if time_constant > CERTAIN * sigma:
+    delayed = posed.in_time(apart=False)[0].fit(lift=False)
+    if posed.excess(delayed, filtered, least=LEAST_MISFIT) > DECISIVE:
         yield WrenchLowPassed(topic=topic, time_constant=time_constant, sigma=sigma)
 
 
@@ -172,15 +179,14 @@ def late_sensor(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> LateSensor 
     lag, later = 0.0, posed
     for _ in range(STEPS):
         fit = _lagging(later, imu.time, 1)
-        lag = float(np.clip(lag + fit.values[_place(posed)], -LONGEST_LAG, LONGEST_LAG))
+        lag = float(np.clip(lag + fit.values[posed.slopes_at], -LONGEST_LAG, LONGEST_LAG))
         later = _earlier(posed, imu.time, lag)
-    fit, place = _lagging(later, imu.time, 1), _place(posed)
+    fit, place = _lagging(later, imu.time, 1), posed.slopes_at
     sigma = float(np.sqrt(fit.covariance[place, place]))
     if not posed.explained(fit) or abs(lag) < CERTAIN * sigma:
         return None
-    changes = (
-        posed.smooth(x).std() for x in (np.gradient(imu.angular_velocity, imu.time, axis=0), imu.angular_velocity)
-    )
+    signals = np.gradient(imu.angular_velocity, imu.time, axis=0), imu.angular_velocity
+    changes = (posed.motion.smooth(signal).std() for signal in signals)
     turning = float(np.divide(*changes))  # angular frequency of the motion [rad/s]
     return LateSensor(topic=topic, lag=lag, sigma=sigma, weakened=0.5 * (turning * lag) ** 2)
 
@@ -192,17 +198,12 @@ def _posed(wrench: WrenchSignal, imu: ImuSignal) -> PosedForce | None:
     judged = 0 < step <= SMOOTHING and time[-1] - time[0] >= LEAST_SECONDS
     if not judged or not np.isfinite(np.hstack([omega, specific])).all():
         return None
-    posed = PosedForce(
-        force=at_instants(time, wrench.time, wrench.force),
+    motion = PosedMotion(
         to_rest=np.broadcast_to(np.eye(3), (len(time), 3, 3)), specific=specific, levers=lever_columns(time, omega),
         time=time, smooth=partial(smoothed, step), independent=STEP / WINDOW,
     )  # fmt: skip
+    posed = PosedForce(at_instants(time, wrench.time, wrench.force), motion)
     return posed if posed.changes > 0 else None
-
-
-def _place(posed: PosedForce) -> int:
-    """Place of the force's first slope among the columns of a fit."""
-    return ZERO.stop + (0 if posed.levers is None else posed.levers.shape[2])
 
 
 def _earlier(posed: PosedForce, time: np.ndarray, lag: float) -> PosedForce:
@@ -212,17 +213,15 @@ def _earlier(posed: PosedForce, time: np.ndarray, lag: float) -> PosedForce:
 
 def _lagging(posed: PosedForce, time: np.ndarray, orders: int) -> GravityFit:
     """The fit with as many derivatives of the force as columns."""
-    assert posed.levers is not None  # noqa: S101 - of a run they are known
     slopes = [posed.force]
     for _ in range(orders):
         slopes.append(np.gradient(slopes[-1], time, axis=0))
-    columns = np.concatenate([posed.levers, *(-slope[:, :, None] for slope in slopes[1:])], axis=2)
-    return replace(posed, levers=columns).fit(lift=False)
+    return posed.fit(lift=False, slopes=[-slope for slope in slopes[1:]])
 
 
 def _with_filter(posed: PosedForce, time: np.ndarray) -> tuple[GravityFit, float, float]:
     """Return the fit behind a delay and a low-pass, its time constant, and the standard uncertainty of that [s]."""
-    at, delay, later = _place(posed), 0.0, posed
+    at, delay, later = posed.slopes_at, 0.0, posed
     for _ in range(STEPS):
         mean, half_square = _lagging(later, time, 2).values[at : at + 2]
         spread = np.sqrt(max(mean**2 - 2 * half_square, 0.0))

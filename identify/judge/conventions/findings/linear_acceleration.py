@@ -31,7 +31,7 @@ from identify.judge.conventions.axis_hypotheses import DECISIVE
 from identify.judge.conventions.carried_attitude import carried_by_gyro
 from identify.judge.conventions.convention_fit import SMOOTHING, ImuSignal, WrenchSignal, smoothed
 from identify.judge.conventions.imu_conventions import in_free_fall, without_gravity
-from identify.judge.conventions.posed_force import PosedForce, at_instants
+from identify.judge.conventions.posed_force import PosedForce, PosedMotion, at_instants
 from identify.judge.cure import Cure, Entries
 from identify.judge.findings import Finding
 
@@ -74,9 +74,7 @@ def _weighs(wrench: WrenchSignal, imu: ImuSignal) -> bool:
     step = float(np.median(np.diff(time)))
     if not 0 < step <= SMOOTHING:
         return False
-    posed = PosedForce(
-        force=at_instants(time, wrench.time, wrench.force),
-        to_rest=carried_by_gyro(step, omega), specific=specific, time=time, smooth=lambda x: smoothed(step, x),
-    )  # fmt: skip
+    motion = PosedMotion(carried_by_gyro(step, omega), specific, time=time, smooth=lambda x: smoothed(step, x))
+    posed = PosedForce(at_instants(time, wrench.time, wrench.force), motion)
     plain, weighed = posed.fit(lift=False), posed.fit()
     return weighed.misfit < LEFT * plain.misfit and posed.excess(plain, weighed) > DECISIVE

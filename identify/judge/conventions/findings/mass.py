@@ -120,5 +120,5 @@ def changed_mass(posed: PosedForce, time: Float[np.ndarray, " n"], topic: str) -
     step = posed.mass_step()
     if not posed.explained(step):
         return []
-    at = float(posed.smooth(time[:, None])[step.sample, 0])
+    at = float(posed.motion.smooth(time[:, None])[step.sample, 0])
     return [ChangedMass(topic=topic, time=at, before=step.before, after=step.after)]
