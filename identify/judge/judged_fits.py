@@ -97,8 +97,8 @@ def judged_ways(result: Identification, problem: Problem) -> JudgedWays:
 def fits_of(run: Run, ways: JudgedWays, excluded: Collection[str]) -> list[RunFit]:
     """Return the run at its best about a point at rest, with its accelerometer, or by the moment about r_CG alone.
 
-    With what the errors that are looked for make in it, but for those of the names that are excluded; the last fit has
-    the sums of least squares.
+    With what the errors that are looked for make in it, but for those of the names that are excluded; the last fit,
+    which is that of :func:`fit_of_estimator`, has the sums of least squares.
     """
     rows = rows_in_band(run, ways)
     if rows is None:

@@ -93,7 +93,7 @@ class MassStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PosedMotion:
-    """Attitudes, and the specific force along with them, n samples, all in B and SI: columns of the fits."""
+    """Attitudes with the specific force, n samples, all in B and SI: columns that the fits of several forces share."""
 
     to_rest: Rotations
     """Rotations R from B to axes at rest."""
@@ -233,19 +233,19 @@ class PosedForce:
         Args:
             apart: whether the accelerometer may lag behind the gyro.
         """
-        motion, posed, delays = self.motion, self, np.zeros(2)
-        assert motion.specific is not None and motion.time is not None  # noqa: S101, PT018 - of a run they are known
-        time, specific = motion.time, motion.specific
+        posed, motion, delays, at = self, self.motion, np.zeros(2), self.slopes_at
+        time, read = motion.time, motion.specific
+        assert time is not None and read is not None  # noqa: S101, PT018 - of a run they are known
+        specific = read
         for _ in range(STEPS):
             signals = [posed.force, specific][: 1 + apart]
             fit = posed.fit(lift=False, slopes=[np.gradient(values, time, axis=0) for values in signals])
-            at = self.slopes_at
             by_both, by_accelerometer = fit.values[at], fit.values[at + 1] / fit.mass if apart else 0.0
             delays = np.clip(delays + [by_both, by_accelerometer], -LONGEST_LAG, LONGEST_LAG)
-            force = at_instants(time - delays[0], time, self.force)
-            if apart:
-                specific = at_instants(time + delays[1], time, motion.specific)
-            posed = PosedForce(force, replace(motion, specific=specific) if apart else motion)
+            if apart:  # else the motion stays as it is, with its columns
+                specific = at_instants(time + delays[1], time, read)
+                motion = replace(motion, specific=specific)
+            posed = PosedForce(at_instants(time - delays[0], time, self.force), motion)
         return posed, float(delays[1])
 
     def best_yaw(self) -> float:

@@ -158,7 +158,7 @@ def filter_findings(wrench: WrenchSignal, imu: ImuSignal, topic: str) -> Iterato
     if posed is None:
         return
     filtered, time_constant, sigma = _with_filter(posed, imu.time)
-    if time_constant <= CERTAIN * sigma or not posed.explained(filtered):
+    if not (time_constant > CERTAIN * sigma and posed.explained(filtered)):
         return
     delayed = posed.in_time(apart=False)[0].fit(lift=False)
     if posed.excess(delayed, filtered, least=LEAST_MISFIT) > DECISIVE:
