@@ -21,14 +21,6 @@ LOOK = 0.2
 """Seconds between two looks for Ctrl-C, which not every system lets break a wait."""
 
 
-class Task(NamedTuple):
-    """A call of a function of a module with one item; both are pickled."""
-
-    number: int
-    function: Callable[[Any], Any]
-    item: Any
-
-
 class Answer(NamedTuple):
     """Result of a task, or why there is none."""
 
@@ -46,6 +38,36 @@ class Answer(NamedTuple):
         return self.value
 
 
+class Batch:
+    """Calls of a function of a module with each of some items; both are pickled."""
+
+    def __init__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> None:
+        self.function, self.items = function, list(items)
+        self.answered: queue.SimpleQueue[Answer] = queue.SimpleQueue()
+        self.wanted = True
+        """Whether calls that nobody has begun are still to be made."""
+
+    def answer(self, number: int) -> Answer:
+        """Return the answer to the call with an item of this number, made here."""
+        try:
+            return Answer(number, self.function(self.items[number]) if self.wanted else None)
+        except Exception as error:
+            return Answer(number, error=error)
+
+
+class Task(NamedTuple):
+    """A call of a batch, in the order in which calls are begun: the latest batch first, its items in turn."""
+
+    rank: float
+    """Of the batch: the latest has the lowest."""
+    number: int
+    batch: Batch | None
+    """None: there are no more."""
+
+
+NO_MORE = Task(float("inf"), 0, None)
+
+
 class ProcessPool:
     """A context of processes that start with their first task and end with it, and so with Ctrl-C."""
 
@@ -54,10 +76,9 @@ class ProcessPool:
 
         ``progress`` is called by :meth:`map` with "runs", the values that there are, and how many are wanted.
         """
-        self.helping, self.progress = helping, progress
-        self.waiting: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
-        self.answered: queue.SimpleQueue[Answer] = queue.SimpleQueue()
-        self.workers = [_Worker(self.waiting, self.answered) for _ in range(processes)]
+        self.helping, self.progress, self.batches = helping, progress, 0
+        self.waiting: queue.PriorityQueue[Task] = queue.PriorityQueue()
+        self.workers = [_Worker(self.waiting) for _ in range(processes)]
 
     def __enter__(self) -> "ProcessPool":
         return self
@@ -65,7 +86,7 @@ class ProcessPool:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for worker in self.workers:
             worker.kill()
-            self.waiting.put(None)  # whichever thread it wakes: all of them are to end before one is waited for
+            self.waiting.put(NO_MORE)  # whichever thread it wakes: all of them are to end before one is waited for
         for worker in self.workers:
             worker.join()
 
@@ -74,64 +95,54 @@ class ProcessPool:
 
         No further tasks come: a process that finds none ends.
         """
-        count = self._hand_out(function, items)
+        batch = self._handed_out(function, items)
         for _ in self.workers:
-            self.waiting.put(None)
-        for _ in range(count):
-            yield self._answer()
+            self.waiting.put(NO_MORE)
+        for _ in batch.items:
+            yield self._answer(batch)
 
-    def map(self, function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-        """Return a function's values of each item, in their order, as the builtin of this name.
+    def map(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+        """Return an iterator of a function's values of each item, in their order, as the builtin of this name.
+
+        The calls are begun at once, but after those of any later map: what is asked for early and looked at late is
+        done where a process would have nothing to do.
 
         Raises:
-            Exception: that of the first item whose call raises one, as if they were called in turn.
+            Exception: with the iterator, that of the first item whose call raises one, as if they were called in turn.
             MemoryError: a process died.
         """
-        left = count = self._hand_out(function, items)
+        return self._values(self._handed_out(function, items))
+
+    def _values(self, batch: Batch) -> Iterator[Any]:
         answers: list[Answer] = []
-        while left:
-            self.progress("runs", len(answers), count)
-            answers.append(answer := self._answer())
-            left -= 1
+        while len(answers) < len(batch.items):
+            self.progress("runs", len(answers), len(batch.items))
+            answers.append(answer := self._answer(batch))
             if answer.died or answer.error is not None:  # of those behind it none is wanted
-                left -= self._taken_back()
+                batch.wanted = False
         for answer in sorted(answers):
             if answer.died:
                 raise MemoryError(answer.died)
-            answer.result()
-        assert len(answers) == count  # noqa: S101
-        return [answer.value for answer in sorted(answers)]
+            yield answer.result()
 
-    def _hand_out(self, function: Callable[[T], Any], items: Iterable[T]) -> int:
-        count = 0
-        for item in items:
-            self.waiting.put(Task(count, function, item))
-            count += 1
-        return count
+    def _handed_out(self, function: Callable[[T], Any], items: Iterable[T]) -> Batch:
+        batch, self.batches = Batch(function, items), self.batches + 1
+        for number in range(len(batch.items)):
+            self.waiting.put(Task(-self.batches, number, batch))
+        return batch
 
-    def _taken_back(self) -> int:
-        """Take back the tasks that no process has begun; return how many."""
-        count = 0
-        with contextlib.suppress(queue.Empty):
-            while True:
-                self.waiting.get_nowait()
-                count += 1
-        return count
-
-    def _answer(self) -> Answer:
+    def _answer(self, batch: Batch) -> Answer:
         while True:
             with contextlib.suppress(queue.Empty):
-                if self.helping and (task := self.waiting.get_nowait()):
-                    return _done(task)
+                return batch.answered.get_nowait()
             with contextlib.suppress(queue.Empty):
-                return self.answered.get(timeout=LOOK)
-
-
-def _done(task: Task) -> Answer:
-    try:
-        return Answer(task.number, task.function(task.item))
-    except Exception as error:
-        return Answer(task.number, error=error)
+                if self.helping:
+                    task = self.waiting.get_nowait()
+                    if task.batch is not None:
+                        task.batch.answered.put(task.batch.answer(task.number))
+                    continue
+            with contextlib.suppress(queue.Empty):
+                return batch.answered.get(timeout=LOOK)
 
 
 FEWEST = 8
@@ -161,8 +172,8 @@ def run_map(runs: int, processes: int | None, progress: Progress) -> Iterator[Ca
 class _Worker:
     """A thread that hands tasks to a process, which it starts for the first, and anew when it has died."""
 
-    def __init__(self, waiting: "queue.SimpleQueue[Task | None]", answered: "queue.SimpleQueue[Answer]") -> None:
-        self.waiting, self.answered = waiting, answered
+    def __init__(self, waiting: "queue.PriorityQueue[Task]") -> None:
+        self.waiting = waiting
         self.lock, self.over = threading.Lock(), False
         self.process: ChildProcess | None = None
         self.errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by end
@@ -182,32 +193,37 @@ class _Worker:
         self.errors.close()
 
     def _work(self) -> None:
-        while not self.over and (task := self.waiting.get()) is not None:
+        while not self.over:
+            _, number, batch = self.waiting.get()
+            if batch is None:
+                break
             try:
-                answer = self._answer(task)
+                answer = self._answer(batch, number)
             except OSError as error:
-                answer = Answer(task.number, died=f"no process can be started: {error.strerror or error}")
+                answer = Answer(number, died=f"no process can be started: {error.strerror or error}")
             except Exception as error:  # what cannot be pickled
-                answer = Answer(task.number, error=error)
+                answer = Answer(number, error=error)
             if not self.over:
-                self.answered.put(answer)
+                batch.answered.put(answer)
         self._close()
 
-    def _answer(self, task: Task) -> Answer:
+    def _answer(self, batch: Batch, number: int) -> Answer:
+        if not batch.wanted:
+            return Answer(number)
         process = self._started()
         if process is None or process.stdin is None or process.stdout is None:
-            return Answer(task.number, died="interrupted")
-        message = pickle.dumps((task.function, task.item), protocol=5)
+            return Answer(number, died="interrupted")
+        message = pickle.dumps((batch.function, batch.items[number]), protocol=5)
         answer = None
         with contextlib.suppress(BrokenPipeError):
             send(process.stdin, message)
             answer = receive(process.stdout)
         if answer is not None:
-            return Answer(task.number, *pickle.loads(answer))  # noqa: S301 - from a process of ours
+            return Answer(number, *pickle.loads(answer))  # noqa: S301 - from a process of ours
         process.wait()
         died = self._why(process.returncode)
         self._close()
-        return Answer(task.number, died=died)
+        return Answer(number, died=died)
 
     def _started(self) -> ChildProcess | None:
         """The process, started if there is none; None: it is over."""

@@ -133,10 +133,9 @@ def _identified(
     def estimated(runs: list[Run], validate: bool = False) -> Identification:
         return _estimated(runs, experiment, spec, prior, method, validate=validate, map_runs=map_runs)
 
-    def suspicions(aligned: bool) -> list[str]:
-        judged = map_runs(partial(convention_warnings, experiment=experiment, turn_free=aligned, zero=prior), runs)
-        return [text for texts in judged for text in texts]
-
+    joint = (method or experiment.recording.method) == "joint"
+    # asked for before the estimate, so that processes judge conventions while this one judges all runs together
+    suspicions = map_runs(partial(convention_warnings, experiment=experiment, turn_free=joint, zero=prior), runs)
     try:
         result = estimated(runs, validate)
         apart = discordance(result, runs, estimated)
@@ -144,13 +143,13 @@ def _identified(
         if apart is not None:
             result = result.joined(discordance=apart, warnings=(*result.warnings, *apart.warnings))
     except RunError as error:
-        more = "; ".join(suspicions(False))
+        more = "; ".join(text for texts in suspicions for text in texts)
         if len(f"{error}{more}") > LONGEST:
             more = "see also `inertia inspect`"
         raise RunError("; ".join(filter(None, [str(error), more]))) from None
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
-    suspicious = suspicions(aligned)
+    suspicious = [text for texts in suspicions for text in texts]
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
