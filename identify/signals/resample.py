@@ -6,6 +6,7 @@ Eden 1993, doi:10.1109/78.193220). What that leaves open at the ends is settled 
 next to either end.
 """
 
+from functools import cache
 from math import comb, factorial
 from typing import NamedTuple
 
@@ -73,6 +74,7 @@ def uniform_spline(samples: Float[np.ndarray, "n channels"], step: float, *, deg
     return UniformSpline(np.tensordot(scales[:, None] * _powers(degree), windows, axes=1), step)
 
 
+@cache
 def _powers(degree: int) -> np.ndarray:
     """Return the B-splines' coefficients in a cell of unit length, by power, the highest first."""
     table = np.zeros((degree + 1, degree + 1))
@@ -85,15 +87,26 @@ def _powers(degree: int) -> np.ndarray:
 
 def _coefficients(samples: np.ndarray, degree: int) -> np.ndarray:
     """Return the coefficients of the B-splines at the samples and half a degree beyond either end."""
-    n, half, taps = len(samples), degree // 2, AT_SAMPLES[degree]
-    inverse = np.fft.fftshift(np.fft.irfft(1 / np.abs(np.fft.rfft(taps, 2 * REACH + 2)), 2 * REACH + 2))[1:]
-    beyond = REACH + half
+    n, half = len(samples), degree // 2
+    inverse, decays = _inverse_filter(degree)
+    beyond, edge = REACH + half, half + degree + 1
     inside = apply(np.pad(samples.T, ((0, 0), (beyond, beyond))), inverse).T
-    decays = np.array([root for root in np.roots(taps) if abs(root) < 1]).real
     start_transients = decays ** np.arange(n + 2.0 * half)[:, None]
     ends = np.concatenate([start_transients, start_transients[::-1]], axis=1)  # what the samples do not see
-    jumps = lambda c: np.diff(c, degree + 1, axis=0)[np.r_[:half, -half:0]]  # noqa: E731  at what shall be no knot
+
+    def jumps(c: np.ndarray) -> np.ndarray:
+        """Jumps of the highest derivative at what shall be no knot."""
+        return np.concatenate([np.diff(part, degree + 1, axis=0) for part in (c[:edge], c[-edge:])])
+
     return np.asarray(inside - ends @ np.linalg.solve(jumps(ends), jumps(inside)))
+
+
+@cache
+def _inverse_filter(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the taps that undo a B-spline's values at the samples, and the decays from sample to sample of these."""
+    taps = AT_SAMPLES[degree]
+    inverse = np.fft.fftshift(np.fft.irfft(1 / np.abs(np.fft.rfft(taps, 2 * REACH + 2)), 2 * REACH + 2))[1:]
+    return inverse, np.array([root for root in np.roots(taps) if abs(root) < 1]).real
 
 
 def is_uniform(t: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ from identify.errors.error_model import CauseWords, ErrorModel, Numbers, Stage, 
 from identify.errors.priors_of_size import part_of_wrench
 from identify.errors.rig_state import RigState, TrueMotion
 from identify.rigid_body.inertia import unpack
+from identify.rigid_body.regressor import cross_matrix
 from identify.rigid_body.rotation import exponential
 
 
@@ -39,33 +40,29 @@ def act(state: RigState, flexibility: Numbers) -> RigState:
     about_q = true.inertia[[0, 3, 5]] + true.mass * (r @ r - r**2)
     moments = state.wrench[:, 3:] - state.wrench[:, 3:].mean(axis=0), *(w[:, 3:] for w in state.slopes("wrench", 2))
     angle, rate, acceleration = (-moment / about_q * flexibility for moment in moments)
-    turn = exponential(angle)
+    turn, at_q = exponential(angle), true.specific_force - _lever(true)
     to_body = lambda vectors: np.einsum("nji,nj->ni", turn, vectors)  # noqa: E731
     omega = to_body(true.omega)
     moved = replace(
         true, omega=omega + rate, alpha=to_body(true.alpha) - np.cross(rate, omega) + acceleration,
-        specific_force=to_body(_at_q(true)),
+        specific_force=to_body(at_q),
     )  # fmt: skip
-    at_rest = replace(true, specific_force=_at_q(true))
     force, on_body = np.split(_from_q(moved), 2, axis=1)
     back = [np.einsum("nij,nj->ni", turn, vectors) for vectors in (force, on_body)]
-    return state.with_added(np.hstack(back) - _from_q(at_rest))
+    return state.with_added(np.hstack(back) - _from_q(replace(true, specific_force=at_q)))
 
 
 def _lever(true: TrueMotion) -> np.ndarray:
     """The acceleration of the centre of gravity from Q."""
-    return np.cross(true.alpha, true.r_cg) + np.cross(true.omega, np.cross(true.omega, true.r_cg))
-
-
-def _at_q(true: TrueMotion) -> np.ndarray:
-    return true.specific_force - _lever(true)
+    across = cross_matrix(true.r_cg)
+    return true.alpha @ across + np.cross(true.omega, true.omega @ across)
 
 
 def _from_q(true: TrueMotion) -> np.ndarray:
     """Force and moment about Q, with the specific force of Q in place of that of the centre of gravity."""
     force, tensor = true.mass * (true.specific_force + _lever(true)), unpack(true.inertia)
     spin = true.alpha @ tensor + np.cross(true.omega, true.omega @ tensor)
-    return np.hstack([force, spin + np.cross(true.r_cg, force)])
+    return np.hstack([force, spin + force @ cross_matrix(true.r_cg).T])
 
 
 def _stiffness(values: np.ndarray, spread: np.ndarray) -> str:

@@ -60,6 +60,8 @@ class ErrorColumns:
         for name in OF_BODY_AND_RIG:
             if name in parts:
                 columns = columns - self.run.derivative(name) @ parts[name]
+        if parts.keys() <= {"wrench", *OF_BODY_AND_RIG}:  # most errors of load cell and rig: the prediction stays
+            return np.asarray(columns)
         follows = error.derivatives(self.nodes) if self._turns(error) else {}
         return np.asarray(columns - self._predicted(parts, follows, error.count))
 
