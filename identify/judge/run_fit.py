@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from identify.estimation.joint.gauss_newton import Linearised, linearised
+from identify.estimation.joint.gauss_newton import linearised
 from identify.estimation.joint.joint_model import SLICES, TEN, Model, SpecificForce, unknowns
 from identify.estimation.joint.motion_signals import MotionSignals
 from identify.estimation.joint.noise_spectrum import noise_spectrum
@@ -30,14 +30,9 @@ from identify.signals.band_limited_run import PASSED, InBand
 from identify.signals.run import Run
 
 STEPS = 10
-"""Most steps of Gauss–Newton.
+"""Most steps of Gauss–Newton, the first two of which set the weights.
 
 Numerical: ``ENOUGH`` ends the search before.
-"""
-RENEWALS = 2
-"""Times that the weights follow what remains, in each step.
-
-Numerical: the first ones are of all signals, the next of residuals by poor weights, and a third changes little.
 """
 ENOUGH = 0.1
 """Last change of the unknowns, in standard uncertainties, behind which they are at their best.
@@ -185,40 +180,26 @@ def fit_run(run: Run, rows: InBand, setting: Setting, start: Mapping[str, np.nda
     wrench = np.hstack([first.force, first.moment])[:, :, None]
     shown = PredictedWrench(model, prior.theta(z)).counted(wrench)[:, :, 0]
     whitener = np.diag(1 / np.maximum(shown.std(axis=0), 1e-12))
-    for _ in range(STEPS):
+    for step in range(STEPS):
         lines = TransformedRows(rows.interval, rows.band, whitener)
         at = linearised(model, prior, z, lines)
-        for _ in range(RENEWALS):
-            covariance = _covariance(_step(at, prior, z).remaining, whitener, setting.specific_force, len(z))
-            renewed = np.linalg.inv(np.linalg.cholesky(covariance))
-            at, whitener = at.weighed(renewed @ np.linalg.inv(whitener)), renewed
-        step = _step(at, prior, z)
+        # as the joint estimate: a ridge of 1 for coordinates with a standard normal prior
+        normal = products(at.columns, at.columns) + np.diag(prior.counted)
+        right = products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z
+        change = solution(normal, right)
+        remaining = at.residuals - at.columns @ change
         fit = RunFit(
-            prediction=at.prediction, prior=prior, lines=replace(lines, whitener=whitener), residuals=step.remaining,
-            columns=at.columns, z=z, best=z + step.change, above=np.zeros(len(whitener)),
+            prediction=at.prediction, prior=prior, lines=lines, residuals=remaining, columns=at.columns, z=z,
+            best=z + change, above=np.zeros(len(whitener)),
         )  # fmt: skip
-        if step.small or setting.specific_force == "none":  # linear in what acts, but for what the estimate tells
+        near = float(change @ normal @ change) < ENOUGH**2 * len(change)
+        if step > 1 and (near or setting.specific_force == "none"):
             break
-        z = fit.best
+        whitener = np.linalg.inv(np.linalg.cholesky(_covariance(remaining, whitener, setting.specific_force, len(z))))
+        if setting.specific_force != "none":  # else linear in what acts, but for what the estimate tells already
+            z = z + change
     rows_of_best = at.prediction.counted(at.prediction.residuals[:, :, None])[:, :, 0]
-    return replace(fit, above=fit.lines.power_above(rows_of_best))
-
-
-class _Step(NamedTuple):
-    """A step of Gauss–Newton."""
-
-    change: Float[np.ndarray, " q"]
-    remaining: Float[np.ndarray, "m rows"]
-    """Residuals after it."""
-    small: bool
-
-
-def _step(at: Linearised, prior: Prior, z: Float[np.ndarray, " q"]) -> _Step:
-    # as the joint estimate: a ridge of 1 for coordinates with a standard normal prior
-    normal = products(at.columns, at.columns) + np.diag(prior.counted)
-    change = solution(normal, products(at.columns, at.residuals[:, :, None])[:, 0] - prior.counted * z)
-    small = float(change @ normal @ change) < ENOUGH**2 * len(change)
-    return _Step(change, at.residuals - at.columns @ change, small)
+    return replace(fit, above=lines.power_above(rows_of_best))
 
 
 def with_force_of_motion(model: Model, theta: np.ndarray, alignment: Alignment) -> Model:

@@ -58,10 +58,6 @@ class Linearised(NamedTuple):
     columns: Float[np.ndarray, "m rows free"]
     """Change of the predicted rows by a unit of each coordinate z."""
 
-    def weighed(self, matrix: Float[np.ndarray, "rows rows"]) -> "Linearised":
-        """Return rows and columns that a matrix has mixed."""
-        return Linearised(self.prediction, self.residuals @ matrix.T, matrix @ self.columns)
-
 
 def linearised(model: Model, prior: Prior, z: Float[np.ndarray, " free"], transform: Transform) -> Linearised:
     """Return rows and columns of a run about z."""

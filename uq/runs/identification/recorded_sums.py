@@ -20,7 +20,7 @@ from identify.choices import OffsetChoice
 from identify.least_squares.gram import Sums
 from identify.least_squares.offsets import resting
 from identify.least_squares.residual_spectrum import Lines
-from identify.least_squares.run_lines import unbroken, usable_rows
+from identify.least_squares.run_lines import rows_of_lines, unbroken
 from identify.rigid_body.regressor import OMEGA_R_OF_FEATURES, Array, library_of
 from identify.signals.differentiate import derivative
 from identify.signals.estimator_spec import EstimatorSpec
@@ -76,7 +76,7 @@ def run_sums(
         RunError: the delays take more than half of the run.
     """
     taken = estimator.lost(run.rate)
-    keep = usable_rows(run, len(run.t) - taken)
+    keep = rows_of_lines(run, len(run.t) - taken)
     lost = int(np.ceil(np.abs(delays).max() * run.rate))
     reached = (keep >= lost) & (keep < len(run.t) - taken - lost)
     if 2 * reached.sum() < len(keep):
