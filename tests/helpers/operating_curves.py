@@ -136,6 +136,10 @@ CURVES = {
     "rotation": Curve("IMU axes"),
     "centre of gravity": Curve("r_CG"),
     "mass": Curve("mass", (0.03, 0.1, 0.3, 1.0)),
+    "mass, by a gain": Curve(
+        "gain of force and moment alike", (0.01, 0.03, 0.1, 0.3), "source", "",
+        lambda run, size: _wrench(run, (1 + size) * EYE, (1 + size) * EYE), "mass",
+    ),
     "still missed": Curve("still missed", (0.01, 0.03, 0.1, 0.3)),
     "gyro scale": Curve("gyro scale"),
     "gyro bias": Curve("gyro drift"),

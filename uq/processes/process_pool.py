@@ -38,7 +38,7 @@ class Answer(NamedTuple):
         return self.value
 
 
-class Batch:
+class Calls:
     """Calls of a function of a module with each of some items; both are pickled."""
 
     def __init__(self, function: Callable[[Any], Any], items: Iterable[Any]) -> None:
@@ -56,13 +56,13 @@ class Batch:
 
 
 class Task(NamedTuple):
-    """A call of a batch, in the order in which calls are begun: the latest batch first, its items in turn."""
+    """One of the calls, in the order in which they are begun: those handed out last come first, their items in turn."""
 
     rank: float
-    """Of the batch: the latest has the lowest."""
+    """Rank of the calls: the last ones have the lowest."""
     number: int
-    batch: Batch | None
-    """None: there are no more."""
+    calls: Calls | None
+    """Calls that it is one of; None: there are no more tasks."""
 
 
 NO_MORE = Task(float("inf"), 0, None)
@@ -76,7 +76,7 @@ class ProcessPool:
 
         ``progress`` is called by :meth:`map` with "runs", the values that there are, and how many are wanted.
         """
-        self.helping, self.progress, self.batches = helping, progress, 0
+        self.helping, self.progress, self.called = helping, progress, 0
         self.waiting: queue.PriorityQueue[Task] = queue.PriorityQueue()
         self.workers = [_Worker(self.waiting) for _ in range(processes)]
 
@@ -95,11 +95,11 @@ class ProcessPool:
 
         No further tasks come: a process that finds none ends.
         """
-        batch = self._handed_out(function, items)
+        calls = self._handed_out(function, items)
         for _ in self.workers:
             self.waiting.put(NO_MORE)
-        for _ in batch.items:
-            yield self._answer(batch)
+        for _ in calls.items:
+            yield self._answer(calls)
 
     def map(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         """Return an iterator of a function's values of each item, in their order, as the builtin of this name.
@@ -113,36 +113,36 @@ class ProcessPool:
         """
         return self._values(self._handed_out(function, items))
 
-    def _values(self, batch: Batch) -> Iterator[Any]:
+    def _values(self, calls: Calls) -> Iterator[Any]:
         answers: list[Answer] = []
-        while len(answers) < len(batch.items):
-            self.progress("runs", len(answers), len(batch.items))
-            answers.append(answer := self._answer(batch))
+        while len(answers) < len(calls.items):
+            self.progress("runs", len(answers), len(calls.items))
+            answers.append(answer := self._answer(calls))
             if answer.died or answer.error is not None:  # of those behind it none is wanted
-                batch.wanted = False
+                calls.wanted = False
         for answer in sorted(answers):
             if answer.died:
                 raise MemoryError(answer.died)
             yield answer.result()
 
-    def _handed_out(self, function: Callable[[T], Any], items: Iterable[T]) -> Batch:
-        batch, self.batches = Batch(function, items), self.batches + 1
-        for number in range(len(batch.items)):
-            self.waiting.put(Task(-self.batches, number, batch))
-        return batch
+    def _handed_out(self, function: Callable[[T], Any], items: Iterable[T]) -> Calls:
+        calls, self.called = Calls(function, items), self.called + 1
+        for number in range(len(calls.items)):
+            self.waiting.put(Task(-self.called, number, calls))
+        return calls
 
-    def _answer(self, batch: Batch) -> Answer:
+    def _answer(self, calls: Calls) -> Answer:
         while True:
             with contextlib.suppress(queue.Empty):
-                return batch.answered.get_nowait()
+                return calls.answered.get_nowait()
             with contextlib.suppress(queue.Empty):
                 if self.helping:
                     task = self.waiting.get_nowait()
-                    if task.batch is not None:
-                        task.batch.answered.put(task.batch.answer(task.number))
+                    if task.calls is not None:
+                        task.calls.answered.put(task.calls.answer(task.number))
                     continue
             with contextlib.suppress(queue.Empty):
-                return batch.answered.get(timeout=LOOK)
+                return calls.answered.get(timeout=LOOK)
 
 
 FEWEST = 8
@@ -194,26 +194,26 @@ class _Worker:
 
     def _work(self) -> None:
         while not self.over:
-            _, number, batch = self.waiting.get()
-            if batch is None:
+            _, number, calls = self.waiting.get()
+            if calls is None:
                 break
             try:
-                answer = self._answer(batch, number)
+                answer = self._answer(calls, number)
             except OSError as error:
                 answer = Answer(number, died=f"no process can be started: {error.strerror or error}")
             except Exception as error:  # what cannot be pickled
                 answer = Answer(number, error=error)
             if not self.over:
-                batch.answered.put(answer)
+                calls.answered.put(answer)
         self._close()
 
-    def _answer(self, batch: Batch, number: int) -> Answer:
-        if not batch.wanted:
+    def _answer(self, calls: Calls, number: int) -> Answer:
+        if not calls.wanted:
             return Answer(number)
         process = self._started()
         if process is None or process.stdin is None or process.stdout is None:
             return Answer(number, died="interrupted")
-        message = pickle.dumps((batch.function, batch.items[number]), protocol=5)
+        message = pickle.dumps((calls.function, calls.items[number]), protocol=5)
         answer = None
         with contextlib.suppress(BrokenPipeError):
             send(process.stdin, message)
