@@ -22,7 +22,7 @@ from identify.signals.run import Run, RunError
 SPLINE_REACH = 3
 """Samples beside a gap that the interpolation across it touches."""
 LONG = 2**18
-"""Samples of a segment from which its last ones are left out, where its transform would take five times as long."""
+"""Samples of a segment beyond which its last ones are left out where its transform would take several times as long."""
 FEWEST = 24
 """Samples that a run needs: with few more rows than unknowns, the residuals would say that there is no noise."""
 
