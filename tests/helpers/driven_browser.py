@@ -12,11 +12,14 @@ import pytest
 
 NO_CHROMIUM, NO_AXE = "no chromium: apt-get install chromium", "no axe-core: make axe-core"
 NO_POPPLER = "no pdftotext: apt-get install poppler-utils"
-WANTING = (NO_CHROMIUM, NO_AXE, NO_POPPLER)
+NO_FONT = "no Liberation Sans: apt-get install fonts-liberation"
+WANTING = (NO_CHROMIUM, NO_AXE, NO_POPPLER, NO_FONT)
 # a page is laid out and its script run by a browser alone; .ci/run installs it, and the last line of a run counts these
 needs_chromium = pytest.mark.skipif(shutil.which("chromium") is None, reason=NO_CHROMIUM)
 # what stands on a printed page is read by Poppler, a package of the same system as the browser
 needs_poppler = pytest.mark.skipif(shutil.which("pdftotext") is None, reason=NO_POPPLER)
+# how much fits a screen or a sheet is judged in the font that pages name; another one may be wider
+needs_font = pytest.mark.skipif("Liberation" not in subprocess.getoutput("fc-match 'Liberation Sans'"), reason=NO_FONT)
 PHONE, DESK = 390, 1400  # widths in pixels
 AXE = Path(__file__).parents[2] / "out" / "axe" / "node_modules" / "axe-core" / "axe.min.js"
 # the judge of accessibility comes by npm, which is no package of the environment; counted in the same way

@@ -7,7 +7,7 @@ import tomllib
 
 import pytest
 
-from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium
+from tests.helpers.driven_browser import PHONE, Browser, needs_axe, needs_chromium, needs_font
 from tests.helpers.report_tables import FULL, T1
 from tests.helpers.small_campaign import campaign, paper_result
 from uq.analysis.propagation.experiment_law import law
@@ -51,6 +51,7 @@ def test_axe_core_objects_to_nothing(browser):
 
 
 @needs_chromium
+@needs_font
 @pytest.mark.parametrize("browser", ["certificate", "campaign"], indirect=True)
 def test_a_phone_shows_value_and_interval_and_nothing_beside_the_page(browser):
     browser.show(PHONE)

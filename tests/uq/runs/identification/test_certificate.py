@@ -23,7 +23,7 @@ from identify.results.ledger import Ledger, tensor_row
 from identify.rigid_body.inertial_parameters import InertialParameters
 from tests.helpers.browser import Reader, drawn
 from tests.helpers.changed_result import changed, typical, with_typical
-from tests.helpers.driven_browser import needs_chromium, needs_poppler
+from tests.helpers.driven_browser import needs_chromium, needs_font, needs_poppler
 from tests.helpers.report_tables import FULL, T1
 from uq.experiment.conformity import Conformity, decide
 from uq.experiment.experiment import Experiment
@@ -431,6 +431,7 @@ def test_hostile_particulars_are_text(plain):
 
 @needs_chromium
 @needs_poppler
+@needs_font
 def test_it_prints_as_a_numbered_a4_document_without_complaint(full, tmp_path):
     html = report(full)
     _, printed, complaints = drawn(html, tmp_path)
