@@ -88,11 +88,10 @@ def exponential(turn: Float[ArrayT, "*n 3"]) -> Float[ArrayT, "*n 3 3"]:
     angle = xp.sqrt(xp.where(small, 1.0, square))
     sine = xp.where(small, 1 - square / 6, xp.sin(angle) / angle)
     cosine = xp.where(small, 0.5 - square / 24, (1 - xp.cos(angle)) / angle**2)
-    if isinstance(turn, np.ndarray):
-        hat = np.tensordot(turn, CROSS, 1)
-    else:  # where a product of matrices may round to three digits, on a GPU; traced faster than cross_matrix
-        cross = CROSS.astype(turn.dtype)  # float64 would stay so where it is off
-        hat = (cross * turn[..., None, None]).sum(axis=-3)
+    cross = CROSS.astype(turn.dtype)  # float64 would stay so where it is off
+    # a product of matrices may round to three digits on a GPU; the sum is traced faster than cross_matrix
+    by_product = isinstance(turn, np.ndarray)
+    hat = np.tensordot(turn, cross, 1) if by_product else (cross * turn[..., None, None]).sum(axis=-3)
     return xp.eye(3, dtype=turn.dtype) + sine * hat + cosine * (hat @ hat)
 
 

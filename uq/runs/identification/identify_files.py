@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -135,7 +136,9 @@ def _identified(
 
     joint = (method or experiment.recording.method) == "joint"
     # asked for before the estimate, so that processes judge conventions while this one judges all runs together
-    suspicions = map_runs(partial(convention_warnings, experiment=experiment, turn_free=joint, zero=prior), runs)
+    suspicions = chain.from_iterable(
+        map_runs(partial(convention_warnings, experiment=experiment, turn_free=joint, zero=prior), runs)
+    )
     try:
         result = estimated(runs, validate)
         apart = discordance(result, runs, estimated)
@@ -143,13 +146,13 @@ def _identified(
         if apart is not None:
             result = result.joined(discordance=apart, warnings=(*result.warnings, *apart.warnings))
     except RunError as error:
-        more = "; ".join(text for texts in suspicions for text in texts)
+        more = "; ".join(suspicions)
         if len(f"{error}{more}") > LONGEST:
             more = "see also `inertia inspect`"
         raise RunError("; ".join(filter(None, [str(error), more]))) from None
     repeats = pooled_scatter_verdict(result.pooling) if result.pooling else None
     aligned = result.rotation is not None and result.rotation.estimated
-    suspicious = [text for texts in suspicions for text in texts]
+    suspicious = list(suspicions)
     # axes, signs and units that contradict mechanics are behind most else; of joint what left its prior comes first
     first, then = (result.warnings, suspicious) if aligned else (suspicious, _after(suspicious, result))
     noisy = [text for run in runs for text in noise_warnings(run, experiment.sources)]
